@@ -1,6 +1,6 @@
 //! The map around the vehicle.
 
-use rcs_geom::{CellIndex, DVec2, Exposed, GridError, ScrollGrid};
+use rcs_geom::{CellIndex, CellRect, DVec2, Exposed, GridError, ScrollGrid};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
@@ -161,9 +161,11 @@ impl Map {
         true
     }
 
-    /// Replaces all evidence of a source by its own statement: that of the listed cells, and none elsewhere. Cells
-    /// outside of the map are left out. Cells whose evidence stays the same but for its sequence are not written.
-    pub fn state(&mut self, source: Source, cells: &[(CellIndex, Evidence)], time: Stamp) {
+    /// Replaces the evidence of a source within a window by its own statement: that of the listed cells, and none in the
+    /// other cells of the window. What it said outside of it stays: a source whose map moves with the vehicle says no more
+    /// of what it has left. Cells outside of the map are left out. Cells whose evidence stays the same but for its sequence
+    /// are not written.
+    pub fn state(&mut self, source: Source, window: CellRect, cells: &[(CellIndex, Evidence)], time: Stamp) {
         let bounds = self.grid.bounds();
         let slot = |index: CellIndex| {
             let [column, row] = [index.x - bounds.south_west.x, index.y - bounds.south_west.y];
@@ -176,7 +178,7 @@ impl Map {
         }
         let layer = self.layer_mut(source);
         let mut changed = Vec::new();
-        for (index, now) in bounds.iter().zip(stated) {
+        for (index, now) in bounds.iter().zip(stated).filter(|(index, _)| window.contains(*index)) {
             let held = layer.get(index).copied().unwrap_or_default();
             if (Evidence { sequence: held.sequence, ..now }) != held
                 && let Some(evidence) = layer.get_mut(index)

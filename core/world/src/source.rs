@@ -27,6 +27,8 @@ impl Source {
     pub const BUMPER: Source = Source::padded(b"bumper");
     /// The infrared range sensors.
     pub const INFRARED: Source = Source::padded(b"infrared");
+    /// Ground on which the wheels slipped.
+    pub const SLIP: Source = Source::padded(b"slip");
     /// The map of an earlier run.
     pub const MEMORY: Source = Source::padded(b"memory");
     /// The bundled sources, in the order that decides ties.

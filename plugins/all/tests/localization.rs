@@ -275,6 +275,25 @@ fn an_estimate_that_is_told_of_slip_counts_little_of_what_spinning_wheels_turn()
 }
 
 #[test]
+fn position_fixes_tell_slip_that_lasts() {
+    let params = [("vehicle.world", "mud")];
+    let mut bench = Setup::new(STACK, all()).params(&params).assets(&Files).bench();
+    drive(&mut bench, 0.0, 0.0, 50);
+    let mut told = |tenths: u64| -> Vec<f64> {
+        let report = |bench: &Bench| bench.newest::<rcs::WaySlip>("/localization/way_slip");
+        let seconds = (0..tenths).filter_map(|_| {
+            drive(&mut bench, 1.2, 1.2, 1);
+            report(&bench).map(|report| report.slip)
+        });
+        seconds.collect()
+    };
+    let firm = told(140);
+    assert!(firm.len() > 80 && firm.iter().all(|&slip| slip < 0.25), "{firm:?}");
+    let stuck = told(140);
+    assert!(stuck.last().is_some_and(|&slip| slip > 0.7), "{stuck:?}");
+}
+
+#[test]
 fn a_report_of_slip_counts_while_it_is_recent_and_an_unusable_one_is_a_fault() {
     let stack = STACK.replace("gps =", "slip = \"/operator/slip\", gps =");
     let mut bench = Setup::new(&stack, all()).assets(&Files).bench();

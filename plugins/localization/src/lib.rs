@@ -13,9 +13,10 @@
 //! | `local` | out | `foxglove.Odometry` | pose of the vehicle in the local frame with covariance: smooth, drifts |
 //! | `global` | out | `foxglove.Odometry` | pose of the vehicle in the global frame with covariance: noisy, does not drift |
 //! | `transforms` | out | `foxglove.FrameTransforms` | the local frame in the global frame |
+//! | `way_slip` | out | `rcs.WaySlip` | slip of the wheels over the last 5 m that they have rolled, by the fixes |
 //!
 //! Period 20 ms. `local` is sent whenever a sensor has reported, `global` and `transforms` every 100 ms after two
-//! position fixes have agreed. No commands besides those of the runtime.
+//! position fixes have agreed, `way_slip` every 0.4 m while there are fixes. No commands besides those of the runtime.
 //!
 //! It fuses wheel encoders, inertial sensors and position fixes. It uses neither images nor maps: there is no visual
 //! odometry and no loop closure.
@@ -25,6 +26,7 @@
 //! - [`planar`]: position and heading with covariance; dead reckoning, and correction by a fix.
 //! - [`attitude`]: roll, pitch and yaw by a complementary filter of gyros and accelerometers.
 //! - [`fixes`]: which fixes are accepted, and with what weight.
+//! - [`way_slip`]: slip that lasts, by the fixes.
 //! - [`wheels`]: distance rolled by the wheels, and whether the vehicle stands.
 //! - [`rcs_sense::Origin`]: the global frame on the earth.
 //!
@@ -69,6 +71,7 @@ pub mod attitude;
 pub mod fixes;
 pub mod planar;
 mod process;
+pub mod way_slip;
 pub mod wheels;
 
 pub use process::Localization;

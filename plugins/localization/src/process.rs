@@ -5,6 +5,7 @@ use crate::attitude::{Attitude, AttitudeSettings};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
 use crate::planar::{MotionNoise, Planar};
 use crate::proto::LocalizationParams;
+use crate::way_slip::{Slipped, WaySlip};
 use crate::wheels::{FASTEST_MPS, Rolled, Wheels};
 use glam::{DQuat, DVec2, DVec3};
 use rcs_geom::{Geodetic, Pose, wrap_angle};
@@ -12,7 +13,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, LocationFix, Odometry, Quaternion, Vector3, location_fix,
 };
-use rcs_msg::rcs::{GroundSpeed, Imu, SlipReport, WheelEncoders};
+use rcs_msg::rcs::{self, GroundSpeed, Imu, SlipReport, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
@@ -51,6 +52,8 @@ pub struct Localization {
     ground_speed: Option<(f64, Stamp)>,
     /// Speed by the inertial sensors while the wheels slip, m/s, and its time.
     slipping: Option<(f64, Stamp)>,
+    /// Slip over the last metres, by the fixes.
+    way_slip: WaySlip,
     sent_global: Option<Stamp>,
 }
 
@@ -65,6 +68,7 @@ pub struct Ports {
     local: Out<Odometry>,
     global: Out<Odometry>,
     transforms: Out<FrameTransforms>,
+    way_slip: Out<rcs::WaySlip>,
 }
 
 impl Process for Localization {
@@ -107,6 +111,13 @@ impl Process for Localization {
                 .output("transforms", "the local frame in the global frame")
                 .role(Role::Transforms)
                 .build(),
+            way_slip: b
+                .output(
+                    "way_slip",
+                    "slip of the wheels over the last 5 m that they have rolled, by the fixes",
+                )
+                .role(Role::Stats)
+                .build(),
         }
     }
 
@@ -141,7 +152,16 @@ impl Process for Localization {
         }
         while let Some(encoders) = cx.read(&ports.encoders) {
             match self.roll(&encoders, params) {
-                Ok(()) => newest = newest.max(Some(encoders.acq_time())),
+                Ok(slipped) => {
+                    newest = newest.max(Some(encoders.acq_time()));
+                    if let Some(slipped) = slipped {
+                        cx.write(
+                            &ports.way_slip,
+                            encoders.acq_time(),
+                            way_slip(&slipped, encoders.acq_time()),
+                        );
+                    }
+                }
                 Err(error) => cx.fault(format!("encoders: {error}; reading skipped")),
             }
         }
@@ -239,7 +259,12 @@ impl Localization {
         recent.map(|(speed_mps, _)| speed_mps)
     }
 
-    fn roll(&mut self, encoders: &Msg<WheelEncoders>, params: &LocalizationParams) -> Result<(), String> {
+    /// Advances both estimates by what the wheels have rolled. Says how much of the last metres was slip, now and then.
+    fn roll(
+        &mut self,
+        encoders: &Msg<WheelEncoders>,
+        params: &LocalizationParams,
+    ) -> Result<Option<Slipped>, String> {
         let distance_m = [encoders.left_m, encoders.right_m];
         let time = encoders.acq_time();
         let Some(wheels) = &mut self.wheels else {
@@ -247,29 +272,30 @@ impl Localization {
                 return Err(format!("distances are {distance_m:?} m, expected finite ones"));
             }
             self.wheels = Some(Wheels::new(time, distance_m));
-            return Ok(());
+            return Ok(None);
         };
         let Rolled { rolled_m, elapsed_s } = wheels.roll(time, distance_m)?;
         let has_gyro = self.felt.is_some_and(|felt| time.seconds_since(felt) < params.input_timeout_s);
         if self.attitude.is_none() {
             if time.seconds_since(wheels.since) < params.input_timeout_s {
                 // Inertial sensors may be about to report the heading.
-                return Ok(());
+                return Ok(None);
             }
             // A vehicle without inertial sensors is assumed level, and turns as its wheels report.
             let deviation = params.start_heading_noise_deg.to_radians();
             self.begin(DVec3::Z, params.start_heading_deg.to_radians(), deviation * deviation);
         }
         let slipping_mps = self.slipping_mps(time);
-        let (Some(attitude), Some(local)) = (&mut self.attitude, &mut self.local) else { return Ok(()) };
+        let (Some(attitude), Some(local)) = (&mut self.attitude, &mut self.local) else { return Ok(None) };
         if !has_gyro {
             attitude.turn_by((rolled_m[1] - rolled_m[0]) / params.track_m);
         }
         let turn_rad = wrap_angle(attitude.yaw_rad() - local.yaw_rad);
         let radar = self.ground_speed.filter(|(_, at)| time.seconds_since(*at) < params.input_timeout_s);
-        let rolled_m = 0.5 * (rolled_m[0] + rolled_m[1]) * (1.0 - params.rolling_slip);
+        let rolled_m = 0.5 * (rolled_m[0] + rolled_m[1]);
         let known_mps = radar.map(|(speed_mps, _)| speed_mps).or(slipping_mps);
-        let step_m = known_mps.map_or(rolled_m, |speed_mps| speed_mps * elapsed_s);
+        let step_m =
+            known_mps.map_or(rolled_m * (1.0 - params.rolling_slip), |speed_mps| speed_mps * elapsed_s);
         let forward = attitude.level_from_vehicle * DVec3::X;
         let level_m = step_m * forward.truncate().length();
         let noise = MotionNoise {
@@ -284,7 +310,13 @@ impl Localization {
         self.speed_mps += faster_mps;
         let gain = self.gain.map_or(0.0, |(gain, _)| gain);
         self.gain = Some((gain + 0.3 * (faster_mps / elapsed_s - gain), time));
-        Ok(())
+        let has_fixes = self.global.age_s(time).is_some_and(|age_s| age_s <= params.gps_dropout_s);
+        let Some(global) = self.global.planar().filter(|_| has_fixes) else {
+            self.way_slip.clear();
+            return Ok(None);
+        };
+        let local_from_vehicle = Pose::new(attitude.level_from_vehicle, local.at.extend(self.height_m));
+        Ok(self.way_slip.take(time, rolled_m, global, local_from_vehicle))
     }
 
     fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams) -> Result<(), String> {
@@ -322,7 +354,11 @@ impl Localization {
                 "position fix is an outlier: squared error {surprise:.1}, expected at most {}",
                 params.gps_gate
             )),
-            Verdict::Used | Verdict::Waits | Verdict::Began => Ok(()),
+            Verdict::Began => {
+                self.way_slip.clear();
+                Ok(())
+            }
+            Verdict::Used | Verdict::Waits => Ok(()),
         }
     }
 
@@ -376,6 +412,17 @@ impl Localization {
             rotation: Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),
         };
         cx.write(&ports.transforms, time, FrameTransforms { transforms: vec![transform] });
+    }
+}
+
+fn way_slip(slipped: &Slipped, time: Stamp) -> rcs::WaySlip {
+    rcs::WaySlip {
+        timestamp: Some(time.to_proto()),
+        since: Some(slipped.since.to_proto()),
+        rolled_m: slipped.rolled_m,
+        moved_m: slipped.moved_m,
+        slip: slipped.slip(),
+        middle: Some(pose_message(&slipped.middle)),
     }
 }
 

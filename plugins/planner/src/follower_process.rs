@@ -13,7 +13,7 @@ use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
-use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport};
+use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport, WaySlip};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
@@ -67,6 +67,7 @@ pub struct Ports {
     plan: In<Plan>,
     bumper: In<Bumper>,
     slip: In<SlipReport>,
+    way_slip: In<WaySlip>,
     poses: PosePorts,
     drive: Out<DriveCommand>,
     arc: Out<PosesInFrame>,
@@ -105,6 +106,8 @@ impl Process for WaypointFollower {
             plan: b.optional_input("plan", "the plan: for modes that begin when there is no way"),
             bumper: b.optional_input("bumper", "switches of the bumper, for modes"),
             slip: b.optional_input("slip", "slip of the wheels and load of the motors, for modes"),
+            way_slip: b
+                .optional_input("way_slip", "slip over the last metres by position fixes, for modes"),
             poses: PosePorts::declare(b),
             drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             arc: b.output("arc", "the arc that is driven, local frame").role(Role::Path).build(),
@@ -225,6 +228,9 @@ impl WaypointFollower {
         if let Some(report) = cx.read_newest(&ports.slip) {
             self.watch.take_slip(&report, report.acq_time());
         }
+        if let Some(report) = cx.read_newest(&ports.way_slip) {
+            self.watch.take_way_slip(&report, report.acq_time());
+        }
         let mut pressed = false;
         while let Some(bumper) = cx.read(&ports.bumper) {
             pressed |= bumper.left || bumper.right;
@@ -251,7 +257,7 @@ impl WaypointFollower {
         let room_m = self.memory.costs.room_m(position);
         let signals = self.watch.signals(vehicle, pressed, room_m, began, now);
         if let Some(Transition { from, to, reason }) = self.modes.step(table, &signals, now) {
-            self.watch.begin(position);
+            self.watch.begin(position, now);
             self.shakes = None;
             let timestamp = Some(now.to_proto());
             let began = self.modes.active().and_then(|(at, _)| table.modes.get(at));

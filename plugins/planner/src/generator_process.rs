@@ -20,7 +20,6 @@ use crate::proto::{
     ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, SlipMemory, UtmGoal, WaypointGeneratorParams,
 };
 use crate::shortcut::{Way, WayPoint};
-use crate::spinning::Spinning;
 use crate::waypoints::spaced;
 use crate::zones::{Polygon, Zones};
 use crate::{route, slips};
@@ -39,8 +38,6 @@ const TRACK_STEP_M: f64 = 0.5;
 const MOST_TRACK: usize = 20_000;
 /// Time between two routes near the goal, s: at most a quarter of a metre.
 const ROUTE_PERIOD_S: f64 = 0.2;
-/// A report of slip tells the speed of the wheels for this time, s.
-const SLIP_TIMEOUT_S: f64 = 0.5;
 
 rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
@@ -93,8 +90,8 @@ pub struct WaypointGenerator {
     slips: Vec<Barred>,
     /// When those were sent last.
     slips_sent: Option<Stamp>,
-    /// Whether the wheels turn on the spot.
-    spinning: Spinning,
+    /// Where the wheels slipped over some metres, global frame, m.
+    slippery: Vec<(f64, f64)>,
     /// Heading in the global frame, rad.
     yaw_rad: f64,
     /// Standard deviation of the vehicle's position in the global frame, m; 0 if unknown.
@@ -116,7 +113,7 @@ pub struct Ports {
     far_path: In<PosesInFrame>,
     transforms: In<FrameTransforms>,
     global: In<Odometry>,
-    slip: In<rcs::SlipReport>,
+    way_slip: In<rcs::WaySlip>,
     map: In<Grid>,
     registration: In<FrameTransforms>,
     modes: In<ModeEvent>,
@@ -148,9 +145,9 @@ impl Process for WaypointGenerator {
             far_path: b.optional_input("far_path", "path of the planner of a larger map, local frame"),
             transforms: b.input("transforms", "the local frame in the global frame"),
             global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
-            slip: b.optional_input(
-                "slip",
-                "slip of the wheels, for their speed; without it that of `global` counts",
+            way_slip: b.optional_input(
+                "way_slip",
+                "slip over the last metres by position fixes: where the wheels slipped, the next run finds no route",
             ),
             map: b.optional_input("map", "a world model's map, local frame, by which the route is cut"),
             registration: b.optional_input(
@@ -227,10 +224,9 @@ impl Process for WaypointGenerator {
         self.take_mission(ports, params, cx);
         if let Some(odometry) = cx.read_newest(&ports.global) {
             self.error_m = position_error_m(&odometry);
-            let slip = cx.latest(&ports.slip);
-            let current = slip.filter(|slip| cx.now().seconds_since(slip.acq_time()) < SLIP_TIMEOUT_S);
-            self.take_position(&odometry, current.map(|slip| slip.wheel_speed_mps), params, cx);
+            self.take_position(&odometry, cx.now());
         }
+        self.take_way_slip(ports, params, cx);
         self.cut_way(ports, params, cx);
         self.take_far_path(ports, params, cx);
         while let Some(event) = cx.read(&ports.modes) {
@@ -305,26 +301,15 @@ impl WaypointGenerator {
         }
     }
 
-    /// Adds a position to the track. The speed of the wheels, m/s, tells whether they turn on the spot: that of the odometry
-    /// is not theirs where they slip.
-    fn take_position(
-        &mut self,
-        odometry: &Odometry,
-        wheels_mps: Option<f64>,
-        params: &WaypointGeneratorParams,
-        cx: &mut Cycle<'_>,
-    ) {
+    /// Adds a position to the track.
+    fn take_position(&mut self, odometry: &Odometry, now: Stamp) {
         let Ok(pose) = pose_of(odometry.pose.as_ref(), &odometry.frame_id) else { return };
         let at = pose.translation.truncate();
         self.yaw_rad = pose.yaw();
         self.position = Some((at.x, at.y));
-        let odometry_mps = odometry.linear_velocity.map_or(0.0, |velocity| velocity.x);
-        if self.spinning.take(cx.now(), at, wheels_mps.unwrap_or(odometry_mps)) {
-            self.bar_ahead(at, params);
-        }
         let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
         if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
-            self.began.get_or_insert(cx.now());
+            self.began.get_or_insert(now);
             self.track.push((at.x, at.y));
             if let Some((global_from_local, _)) = self.global_from_local {
                 let local = (global_from_local.inverse() * at.extend(0.0)).truncate();
@@ -390,7 +375,8 @@ impl WaypointGenerator {
         let Some((global_from_local, _)) = self.global_from_local else { return };
         let mut way = self.way.in_global(|at| (global_from_local * at.extend(0.0)).truncate());
         way.push(at);
-        let way = route::cut(&way, params.same_place_m);
+        let mut way = route::cut(&way, params.same_place_m);
+        slips::leave_out(&mut way, &self.slippery);
         let time_s = now.seconds_since(began);
         self.sent = Some(now);
         cx.write(&ports.route, now, route::to_message(&way, route::length_m(&track), &origin.0, time_s));

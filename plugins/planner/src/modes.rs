@@ -35,8 +35,10 @@ pub type Signals = [f64; Signal::COUNT];
 pub enum Signal {
     /// 1 while a switch of the bumper is pressed, else 0.
     Bumper,
-    /// Share of the wheels' motion that the vehicle does not make; 0 if unknown.
+    /// Share of the wheels' motion that the vehicle does not make, by the inertial sensors; 0 if unknown.
     Slip,
+    /// The same over the last metres, by position fixes, since the last change of mode; 0 if unknown.
+    WaySlip,
     /// 1 while a motor draws a high current and its wheel hardly turns, else 0.
     Stalled,
     /// The greater of the motors' currents, A; 0 if unknown.
@@ -61,13 +63,14 @@ pub enum Signal {
 
 impl Signal {
     /// Number of signals.
-    pub const COUNT: usize = 12;
+    pub const COUNT: usize = 13;
 
     /// Name in the file.
     pub fn name(self) -> &'static str {
         match self {
             Signal::Bumper => "bumper",
             Signal::Slip => "slip",
+            Signal::WaySlip => "way_slip",
             Signal::Stalled => "stalled",
             Signal::MotorA => "motor_a",
             Signal::ClimbDeg => "climb_deg",
@@ -206,7 +209,9 @@ pub struct Mode {
 impl Mode {
     /// Whether the place that it bars is one where the wheels slip.
     pub fn is_of_slip(&self) -> bool {
-        let slips = |condition: &Condition| condition.signal == Signal::Slip && condition.at_least.is_some();
+        let slips = |condition: &Condition| {
+            matches!(condition.signal, Signal::Slip | Signal::WaySlip) && condition.at_least.is_some()
+        };
         self.bars == Bars::Ahead && self.enter.iter().any(slips)
     }
 }

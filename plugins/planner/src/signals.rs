@@ -3,7 +3,7 @@
 use crate::modes::{Signal, Signals};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::rcs::{SlipReport, TractionState};
+use rcs_msg::rcs::{SlipReport, TractionState, WaySlip};
 use serde::{Deserialize, Serialize};
 
 /// Motion by less than this within a time counts as none, m.
@@ -12,20 +12,25 @@ const HARDLY_M: f64 = 0.15;
 const STAYED_M: f64 = 1.0;
 /// A slip report that is older than this says nothing, s.
 const SLIP_TIMEOUT_S: f64 = 0.5;
+/// The same of slip over the last metres, which is told each time that the wheels have rolled on for some decimetres.
+const WAY_SLIP_TIMEOUT_S: f64 = 2.0;
 
 /// What the signals follow from, over time.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Watch {
     /// Slip, whether a motor is stalled, current; and when.
     traction: Option<([f64; 3], Stamp)>,
+    /// Slip over the last metres; and when.
+    way_slip: Option<(f64, Stamp)>,
     /// Since when there has been no path that can be driven.
     blocked: Option<Stamp>,
     /// Where and when the vehicle, told to move, was when it had moved last.
     still: Option<((f64, f64), Stamp)>,
     /// The same with [`STAYED_M`], and for turns on the spot, too.
     stayed: Option<((f64, f64), Stamp)>,
-    /// Where the mode began, m.
+    /// Where the mode began or ended last, m, and when.
     began: (f64, f64),
+    changed: Option<Stamp>,
 }
 
 impl Watch {
@@ -35,6 +40,15 @@ impl Watch {
         let values = [report.slip, f64::from(u8::from(stalled)), amperes];
         if values.iter().all(|value| value.is_finite()) {
             self.traction = Some((values, at));
+        }
+    }
+
+    /// Takes slip over metres all of which were driven since the last change of mode: what a mode does to get free shall not
+    /// be taken for slip, nor slip before it counted again.
+    pub(crate) fn take_way_slip(&mut self, report: &WaySlip, at: Stamp) {
+        let since = report.since.as_ref().and_then(Stamp::from_proto);
+        if report.slip.is_finite() && since.is_some_and(|since| self.changed.is_none_or(|at| since >= at)) {
+            self.way_slip = Some((report.slip, at));
         }
     }
 
@@ -60,8 +74,10 @@ impl Watch {
     }
 
     /// A mode begins or ends here.
-    pub(crate) fn begin(&mut self, position: DVec2) {
+    pub(crate) fn begin(&mut self, position: DVec2, now: Stamp) {
         self.began = (position.x, position.y);
+        self.changed = Some(now);
+        self.way_slip = None;
         self.still = None;
         self.stayed = None;
     }
@@ -79,9 +95,11 @@ impl Watch {
         let since = |at: Option<Stamp>| at.map_or(0.0, |at| now.seconds_since(at));
         let recent = self.traction.filter(|(_, at)| now.seconds_since(*at) <= SLIP_TIMEOUT_S);
         let [slip, stalled, amperes] = recent.map_or([0.0; 3], |(values, _)| values);
+        let way_slip = self.way_slip.filter(|(_, at)| now.seconds_since(*at) <= WAY_SLIP_TIMEOUT_S);
         let [roll_rad, pitch_rad, _] = vehicle.rpy();
         set(Signal::Bumper, f64::from(u8::from(pressed)));
         set(Signal::Slip, slip);
+        set(Signal::WaySlip, way_slip.map_or(0.0, |(slip, _)| slip));
         set(Signal::Stalled, stalled);
         set(Signal::MotorA, amperes);
         set(Signal::ClimbDeg, -pitch_rad.to_degrees());
@@ -109,7 +127,7 @@ mod tests {
         watch.take_blocked(true, at(2));
         watch.take_order([0.5, 0.0], DVec2::ZERO, at(1));
         watch.take_order([0.5, 0.0], DVec2::new(0.1, 0.0), at(3));
-        watch.begin(DVec2::new(0.0, 1.0));
+        watch.begin(DVec2::new(0.0, 1.0), at(1));
         watch.take_order([0.0, 0.9], DVec2::new(0.2, 0.0), at(2));
         watch.take_order([0.5, 0.0], DVec2::ZERO, at(3));
         watch.take_slip(&SlipReport { slip: 0.7, left_a: -12.0, ..SlipReport::default() }, at(4));
@@ -133,6 +151,14 @@ mod tests {
             watch.signals(&climbs, true, 0.3, None, at(6))[Signal::Slip as usize].abs() < 1e-9,
             "too old"
         );
+        let slipped =
+            |since: u64| WaySlip { slip: 0.8, since: Some(at(since).to_proto()), ..WaySlip::default() };
+        let way_slip =
+            |watch: &Watch| watch.signals(&climbs, true, 0.3, Some(at(2)), at(5))[Signal::WaySlip as usize];
+        watch.take_way_slip(&slipped(0), at(4));
+        assert_eq!(way_slip(&watch), 0.0, "it began before the mode changed");
+        watch.take_way_slip(&slipped(1), at(4));
+        assert_eq!(way_slip(&watch), 0.8);
         watch.take_blocked(false, at(6));
         assert!(watch.signals(&climbs, true, 0.3, None, at(6))[Signal::BlockedS as usize].abs() < 1e-9);
     }

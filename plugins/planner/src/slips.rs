@@ -87,6 +87,18 @@ pub fn in_global(slips: &SlipMemory, origin: &Utm) -> Result<Vec<Barred>, SlipsE
     Ok(slips.places.iter().map(global).collect())
 }
 
+/// Distance from a place where wheels slipped over some metres within which a route has no points, m.
+const BESIDE_M: f64 = 1.5;
+
+/// Leaves out of a route, global frame, m, what was driven with slip: the planners of the next run shall not be drawn there.
+/// Where it begins and ends is kept.
+pub fn leave_out(route: &mut Vec<DVec2>, slippery: &[(f64, f64)]) {
+    let last = route.len().saturating_sub(1);
+    let slipped = |at: DVec2| slippery.iter().any(|&place| at.distance(DVec2::from(place)) < BESIDE_M);
+    let mut index = 0..;
+    route.retain(|&at| index.next().is_some_and(|index| index == 0 || index == last) || !slipped(at));
+}
+
 /// Whether a track leads over a place, both in one frame, m.
 pub fn was_driven_over(place: &Barred, track: &[(f64, f64)]) -> bool {
     let at = DVec2::from(place.at);
@@ -103,6 +115,14 @@ mod tests {
 
     fn places() -> [Barred; 2] {
         [Barred { at: (12.5, -3.0), radius_m: 2.0 }, Barred { at: (14.0, 1.0), radius_m: 4.5 }]
+    }
+
+    #[test]
+    fn a_route_has_no_points_where_the_wheels_slipped_but_both_ends() {
+        let mut route: Vec<DVec2> = (0..=20).map(|x| DVec2::new(f64::from(x), 0.0)).collect();
+        leave_out(&mut route, &[(0.0, 0.0), (10.0, 1.0), (11.0, 1.0), (20.0, 0.0)]);
+        let kept: Vec<f64> = route.iter().map(|at| at.x).collect();
+        assert_eq!(kept, [0, 2, 3, 4, 5, 6, 7, 8, 13, 14, 15, 16, 17, 18, 20].map(f64::from));
     }
 
     #[test]

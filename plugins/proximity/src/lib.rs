@@ -7,16 +7,18 @@
 //! | `motors` | in, optional | `rcs.MotorCurrents` | currents of the drive motors, A |
 //! | `encoders` | in, optional | `rcs.WheelEncoders` | speeds of the wheels, m/s |
 //! | `imu` | in, optional | `rcs.Imu` | accelerations and turn rates; its axes are the vehicle's |
+//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres by position fixes |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `bumper_cost` | out | `foxglove.Grid` | field cost.bumper: 250 where the bumper hit, 0 under the vehicle unless its wheels slip, local frame |
 //! | `infrared_cost` | out | `foxglove.Grid` | field cost.infrared: cones of the infrared sensors, local frame |
+//! | `slip_cost` | out | `foxglove.Grid` | field cost.slip: 100 where the wheels slipped over some metres, local frame |
 //! | `slip` | out | `rcs.SlipReport` | slip of the wheels, 0 to 1, and load of the motors |
 //!
 //! Period 50 ms. `bumper_cost` is sent for every reading whose switches changed, otherwise ten times a second (Albus
-//! 2006a: 10–20 Hz); `infrared_cost` for every message of readings; `slip` ten times a second. Cost: tens of
+//! 2006a: 10–20 Hz); `infrared_cost` for every message of readings; `slip_cost` for every `way_slip` of 0.35 to 0.7; `slip` ten times a second. Cost: tens of
 //! microseconds. State: the poses of the last seconds, the traction estimate.
 //!
 //! It reports what touches or nearly touches the vehicle. It does not stop the vehicle: `rcs-vehicle-interface` reads

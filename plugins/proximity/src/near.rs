@@ -44,17 +44,32 @@ pub struct RayRules {
     pub noise_m: f64,
 }
 
+/// Cost of ground on which the wheels slip over some metres: a planner goes around it where there is another way.
+pub const SLIPPERY_COST: u8 = 100;
+
+/// Marks the ground under a vehicle whose wheels slipped there over some metres.
+pub fn slippery_costs(map_from_vehicle: &Pose, body: &Body) -> CostGrid {
+    let mut costs = costs_around(map_from_vehicle.translation.truncate());
+    mark_body(&mut costs, map_from_vehicle, body, SLIPPERY_COST);
+    costs
+}
+
+fn mark_body(costs: &mut CostGrid, map_from_vehicle: &Pose, body: &Body, cost: u8) {
+    let place = |x: f64, y: f64| (*map_from_vehicle * DVec3::new(x, y, 0.0)).truncate();
+    let half = body.width_m / 2.0;
+    let corner = place(body.rear_x_m, -half);
+    let along = place(body.bumper_x_m, -half) - corner;
+    let across = place(body.rear_x_m, half) - corner;
+    mark_rectangle(costs, corner, along, across, cost);
+}
+
 /// Marks the ground under the vehicle as free if it drives there without slipping, and the cells at pressed switches as
 /// obstacles.
 pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool, drives: bool) -> CostGrid {
     let place = |x: f64, y: f64| (*map_from_vehicle * DVec3::new(x, y, 0.0)).truncate();
     let mut costs = costs_around(map_from_vehicle.translation.truncate());
-    let half = body.width_m / 2.0;
-    let corner = place(body.rear_x_m, -half);
-    let along = place(body.bumper_x_m, -half) - corner;
-    let across = place(body.rear_x_m, half) - corner;
     if drives {
-        mark_rectangle(&mut costs, corner, along, across, 0);
+        mark_body(&mut costs, map_from_vehicle, body, 0);
     }
     let reach = body.bumper_width_m / 2.0;
     for (is_pressed, from_m, to_m) in [(left, 0.0, reach), (right, -reach, 0.0)] {
@@ -123,6 +138,14 @@ mod tests {
         let slips = bumper_costs(&pose, &BODY, true, false, false);
         assert_eq!(slips.count_from(0), slips.count_from(250));
         assert!(slips.count_from(250) > 0, "a hit is still a hit");
+    }
+
+    #[test]
+    fn ground_on_which_the_wheels_slipped_is_dear_under_the_vehicle_alone() {
+        let costs = slippery_costs(&Pose::from_xy_yaw(10.0, 20.0, std::f64::consts::FRAC_PI_2), &BODY);
+        assert_eq!(costs.at(DVec2::new(10.1, 19.7)), Some(SLIPPERY_COST));
+        assert_eq!((costs.at(DVec2::new(10.1, 20.5)), costs.at(DVec2::new(10.7, 19.7))), (None, None));
+        assert_eq!(costs.count_from(0), costs.count_from(SLIPPERY_COST));
     }
 
     #[test]

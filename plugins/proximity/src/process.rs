@@ -1,17 +1,18 @@
 //! The process `proximity`: reads bumper, infrared sensors and wheels, and sends cost maps and slip. Its port table
 //! is in the crate's documentation.
 
-use crate::near::{Body, Ray, RayRules, bumper_costs, infrared_costs};
+use crate::near::{Body, Ray, RayRules, bumper_costs, infrared_costs, slippery_costs};
 use crate::proto::ProximityParams;
 use crate::traction::{Inertial, Rules, State, Traction};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
 use rcs_msg::rcs::{
-    Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, SlipReport, TractionState, WheelEncoders,
+    Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, SlipReport, TractionState, WaySlip,
+    WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, Localizer, PosePorts};
+use rcs_sense::{Axes, Extrinsics, Localizer, PosePorts, SLIPPERY, pose_of};
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
 
@@ -38,9 +39,11 @@ pub struct Ports {
     motors: In<MotorCurrents>,
     encoders: In<WheelEncoders>,
     imu: In<Imu>,
+    way_slip: In<WaySlip>,
     poses: PosePorts,
     bumper_cost: Out<Grid>,
     infrared_cost: Out<Grid>,
+    slip_cost: Out<Grid>,
     slip: Out<SlipReport>,
 }
 
@@ -64,6 +67,7 @@ impl Process for Proximity {
             motors: b.optional_input("motors", "currents of the drive motors, A"),
             encoders: b.optional_input("encoders", "speeds of the wheels, m/s"),
             imu: b.optional_input("imu", "accelerations and turn rates; its axes are the vehicle's"),
+            way_slip: b.optional_input("way_slip", "slip over the last metres by position fixes"),
             poses: PosePorts::declare(b),
             bumper_cost: b
                 .output(
@@ -75,6 +79,14 @@ impl Process for Proximity {
                 .build(),
             infrared_cost: b
                 .output("infrared_cost", "field cost.infrared: cones of the infrared sensors, local frame")
+                .role(Role::Cost)
+                .palette("cost")
+                .build(),
+            slip_cost: b
+                .output(
+                    "slip_cost",
+                    "field cost.slip: 100 where the wheels slipped over some metres, local frame",
+                )
                 .role(Role::Cost)
                 .palette("cost")
                 .build(),
@@ -96,6 +108,9 @@ impl Process for Proximity {
         }
         while let Some(readings) = cx.read(&ports.infrared) {
             self.take_infrared(&readings, ports, params, cx);
+        }
+        while let Some(report) = cx.read(&ports.way_slip) {
+            take_way_slip(&report, ports, params, cx);
         }
         self.take_wheels(ports, cx);
         let rules = rules(params);
@@ -143,16 +158,9 @@ impl Proximity {
             return;
         };
         self.bumper = Some((switches, time));
-        let body = Body {
-            bumper_x_m: params.bumper_x_m,
-            bumper_width_m: params.bumper_width_m,
-            bumper_depth_m: params.bumper_depth_m,
-            rear_x_m: params.rear_x_m,
-            width_m: params.vehicle_width_m,
-        };
         // Where the wheels slip, the vehicle is not where odometry says, and what is under it says nothing.
         let slips = matches!(self.traction.state, State::Spins | State::Stalled);
-        let costs = bumper_costs(&pose, &body, bumper.left, bumper.right, !slips);
+        let costs = bumper_costs(&pose, &body(params), bumper.left, bumper.right, !slips);
         let grid = costs.into_message(Source::BUMPER, extrinsics(params).frames.local, time);
         cx.write(&ports.bumper_cost, time, grid);
     }
@@ -289,6 +297,32 @@ impl Proximity {
             stall_time_s: traction.stall.time_s,
         };
         cx.write(&ports.slip, now, report);
+    }
+}
+
+/// Says where the wheels slipped over some metres: what was driven over there is not free.
+fn take_way_slip(report: &Msg<WaySlip>, ports: &Ports, params: &ProximityParams, cx: &mut Cycle<'_>) {
+    if !SLIPPERY.contains(&report.slip) {
+        return;
+    }
+    let local = extrinsics(params).frames.local;
+    match pose_of(report.middle.as_ref(), local) {
+        Ok(pose) => {
+            let time = report.acq_time();
+            let costs = slippery_costs(&pose, &body(params)).into_message(Source::SLIP, local, time);
+            cx.write(&ports.slip_cost, time, costs);
+        }
+        Err(error) => cx.fault(format!("way_slip: {error}; skipped")),
+    }
+}
+
+fn body(params: &ProximityParams) -> Body {
+    Body {
+        bumper_x_m: params.bumper_x_m,
+        bumper_width_m: params.bumper_width_m,
+        bumper_depth_m: params.bumper_depth_m,
+        rear_x_m: params.rear_x_m,
+        width_m: params.vehicle_width_m,
     }
 }
 

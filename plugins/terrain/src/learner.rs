@@ -14,11 +14,12 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
 use rcs_msg::rcs::{
-    Bumper, ExampleKind, ModelToDelete, PlanePoint, SlipReport, TractionState, TrainingExample,
+    Bumper, ExampleKind, ModelToDelete, PlanePoint, SlipReport, TractionState, TrainingExample, WaySlip,
 };
 use rcs_runtime::{Cycle, In, InputRole, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, fingerprint, model_to_delete,
+    Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, SLIPPERY, fingerprint, model_to_delete,
+    pose_of,
 };
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
@@ -66,6 +67,7 @@ pub struct Ports {
     bumper: In<Bumper>,
     examples: In<TrainingExample>,
     slip: In<SlipReport>,
+    way_slip: In<WaySlip>,
     poses: PosePorts,
     cost: Out<Grid>,
     models: [Out<TerrainModels>; 2],
@@ -120,6 +122,7 @@ impl Process for TerrainLearner {
                 "places that the operator says are obstacles or ground",
             ),
             slip: b.optional_input("slip", "slip of the wheels: ground on which they begin to spin is dear; while they slip, driving teaches nothing"),
+            way_slip: b.optional_input("way_slip", "slip over the last metres by position fixes: ground on which it lasts is dear"),
             poses: PosePorts::declare(b),
             cost: b
                 .output(
@@ -359,19 +362,7 @@ impl TerrainLearner {
                 cx.fault(format!("example of the operator: {error}; skipped"));
             }
         }
-        let slipped = self.slips;
-        if let Some(report) = cx.read_newest(&ports.slip) {
-            self.slips =
-                matches!(report.state(), TractionState::TractionSpins | TractionState::TractionStalled);
-            if report.state() == TractionState::TractionSpins
-                && !slipped
-                && !extrinsics.fixed_pose
-                && let Ok(pose) = extrinsics.local_from_vehicle(&self.localizer, report.acq_time())
-            {
-                let patch = Patch { x: [-WHEELS_REACH_M, WHEELS_REACH_M], y: [-half, half] };
-                self.maps.iter_mut().for_each(|map| map.spin(&pose, &patch, params.slip_gain, rules));
-            }
-        }
+        self.slip_teaches(ports, params, rules, cx);
         // Without a pose no cell can be found; frames report it. A vehicle whose wheels slip is not where odometry says.
         if !extrinsics.fixed_pose
             && !self.slips
@@ -385,6 +376,39 @@ impl TerrainLearner {
             maps.any(|(map, before)| map.experienced()[part.clone()] != before[part.clone()])
         };
         [differs(0..1), differs(1..3)]
+    }
+
+    /// Learns from wheels that begin to spin, and from slip that lasts, which is told some metres later.
+    fn slip_teaches(
+        &mut self,
+        ports: &Ports,
+        params: &TerrainLearnerParams,
+        rules: &ModelRules,
+        cx: &mut Cycle<'_>,
+    ) {
+        let extrinsics = extrinsics(params);
+        let half = params.width_m / 2.0;
+        let wheels = Patch { x: [-WHEELS_REACH_M, WHEELS_REACH_M], y: [-half, half] };
+        let slipped = self.slips;
+        let mut places = Vec::new();
+        if let Some(report) = cx.read_newest(&ports.slip) {
+            self.slips =
+                matches!(report.state(), TractionState::TractionSpins | TractionState::TractionStalled);
+            if report.state() == TractionState::TractionSpins && !slipped && !extrinsics.fixed_pose {
+                places.extend(extrinsics.local_from_vehicle(&self.localizer, report.acq_time()));
+            }
+        }
+        while let Some(report) = cx.read(&ports.way_slip) {
+            if SLIPPERY.contains(&report.slip) {
+                match pose_of(report.middle.as_ref(), extrinsics.frames.local) {
+                    Ok(pose) => places.push(pose),
+                    Err(error) => cx.fault(format!("way_slip: {error}; skipped")),
+                }
+            }
+        }
+        for place in &places {
+            self.maps.iter_mut().for_each(|map| map.spin(place, &wheels, params.slip_gain, rules));
+        }
     }
 
     /// Learns from what an operator has drawn.

@@ -4,7 +4,7 @@
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
-use rcs_msg::rcs::{Command, ExampleKind, ModelToDelete, PlanePoint, PlanePolygon, TrainingExample};
+use rcs_msg::rcs::{Command, ExampleKind, ModelToDelete, PlanePoint, PlanePolygon, TrainingExample, WaySlip};
 use rcs_msg::{Stamp, schema_of};
 use rcs_runtime::ProcessType;
 use rcs_terrain::TerrainLearner;
@@ -28,6 +28,7 @@ left_labels = "/operator/labels"
 left_depth = "/operator/depth"
 left_calibration = "/operator/calibration"
 examples = "/operator/training"
+way_slip = "/operator/way_slip"
 
 [process.params]
 learn_while_standing = true
@@ -155,6 +156,30 @@ fn a_deleted_model_is_gone_with_its_cells_and_what_is_no_model_any_more_is_a_fau
         "{:?}",
         bench.faults("terrain")
     );
+}
+
+#[test]
+fn ground_on_which_slip_lasts_is_dear_and_so_is_what_looks_like_it() {
+    let mut bench = bench();
+    let slip = |slip: f64| WaySlip {
+        slip,
+        middle: Some(rcs_sense::pose_message(&Pose::from_xy_yaw(2.1, 0.5, 0.0))),
+        ..WaySlip::default()
+    };
+    for (value, why) in [(0.2, "as in growth"), (0.9, "it stands, and the local frame moves on")] {
+        bench.write("/operator/way_slip", slip(value));
+        bench.advance(300);
+        assert_eq!((cost(&bench, 2.1, 0.5), cost(&bench, 1.3, 0.3)), (0.0, 0.0), "{why}");
+    }
+    bench.write("/operator/way_slip", slip(0.5));
+    bench.advance(300);
+    for (x, y) in [(2.1, 0.5), (1.3, 0.3)] {
+        assert!((80.0..=100.0).contains(&cost(&bench, x, y)), "at {x}, {y}: {}", cost(&bench, x, y));
+    }
+    assert_eq!(cost(&bench, 2.1, -0.7), 250.0, "bark");
+    bench.write("/operator/way_slip", WaySlip { middle: None, ..slip(0.5) });
+    bench.advance(100);
+    assert!(bench.faults("terrain").1.starts_with("way_slip: "), "{:?}", bench.faults("terrain"));
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Conversion of cost maps to votes (Albus 2006a, 4, Albus 2006b, 3.4).
 
 use crate::resample::{Resampled, resampled};
+use rcs_geom::{CellIndex, CellRect, DVec2};
 use rcs_msg::{Stamp, foxglove::Grid};
-use rcs_world::{GridViewError, Map, Source, VoteRule};
+use rcs_world::{GridView, GridViewError, Map, Source, VoteRule};
 
 /// Properties common to all votes of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +37,8 @@ pub struct Taken {
 /// - Each cell of the map that has a cost in the message receives one vote, of the worth `worth.<source>` (u8, 255 for a
 ///   full vote) and the backing `backing.<source>` if the message has these fields.
 /// - A message with the field `conf.<source>` states the evidence instead (a learned map): it replaces everything that
-///   was known of the source, with the confidence `conf.<source>` and the backing `backing.<source>`.
+///   was known of the source where the message has cells, known or not, with the confidence `conf.<source>` and the
+///   backing `backing.<source>`.
 ///
 /// Cells with less than the least backing are left out.
 ///
@@ -47,7 +49,7 @@ pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, Gr
     if is_state {
         let stated: Vec<_> =
             cells.iter().map(|sensed| (sensed.cell, sensed.stated(origin.sequence))).collect();
-        map.state(origin.source, &stated, origin.time);
+        map.state(origin.source, window_of(&GridView::new(grid)?, map), &stated, origin.time);
     }
     for sensed in &cells {
         if !is_state {
@@ -63,11 +65,27 @@ pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, Gr
     Ok(Taken { votes: cells.len() as u64, outside })
 }
 
+/// The cells of the map that a message covers; of one that is turned, those of the rectangle around it.
+fn window_of(view: &GridView<'_>, map: &Map) -> CellRect {
+    let size = DVec2::new(view.columns() as f64, view.rows() as f64) * view.cell_size_m();
+    let corners = [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(0.0, size.y), size];
+    let corners = corners.map(|at| (view.frame_from_grid() * at.extend(0.0)).truncate());
+    // Borders of cells belong to neither side.
+    let inside = DVec2::splat(1e-6);
+    let low = map.grid().cell_at(corners.into_iter().fold(DVec2::INFINITY, DVec2::min) + inside);
+    let high = map.grid().cell_at(corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max) - inside);
+    let (Some(south_west), Some(north_east)) = (low, high) else {
+        return CellRect { south_west: CellIndex::new(0, 0), columns: 0, rows: 0 };
+    };
+    let count = |from: i64, to: i64| usize::try_from(to - from + 1).unwrap_or(0);
+    let [columns, rows] = [count(south_west.x, north_east.x), count(south_west.y, north_east.y)];
+    CellRect { south_west, columns, rows }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcs_geom::DVec2;
-    use rcs_world::{Evidence, MapOptions, Sources, Weights};
+    use rcs_world::{Evidence, MapOptions, Sources, UNKNOWN_COST, Weights};
 
     const RULE: VoteRule = VoteRule { rise: 30, fall: 20, obstacle_fall: 20, max: 255, ground_max: 80 };
 
@@ -182,5 +200,22 @@ mod tests {
         let again = statement(DVec2::ZERO, Source::TERRAIN, &[(b, 10), (b, 10)]);
         take(&mut map, &again, &origin(Source::TERRAIN, 3)).unwrap();
         assert_eq!(map, before);
+    }
+
+    #[test]
+    fn a_state_leaves_what_lies_outside_of_its_window_as_it_was_said() {
+        let [behind, ahead] = [DVec2::new(-15.1, 0.1), DVec2::new(15.1, 0.1)];
+        let mut map = Map::with_side(401, 0.2).unwrap();
+        let said = |map: &Map, place| map.evidence(Source::TERRAIN, map.grid().cell_at(place).unwrap()).cost;
+        let at = |x: f64| DVec2::new(x, 0.0);
+        for (sequence, centre, costs) in
+            [(1, at(0.0), [(behind, 90), (ahead, 90)]), (2, at(10.0), [(ahead, 40); 2])]
+        {
+            let message = statement(centre, Source::TERRAIN, &costs);
+            take(&mut map, &message, &origin(Source::TERRAIN, sequence)).unwrap();
+        }
+        assert_eq!((said(&map, behind), said(&map, ahead)), (90, 40));
+        take(&mut map, &statement(at(0.0), Source::TERRAIN, &[]), &origin(Source::TERRAIN, 3)).unwrap();
+        assert_eq!((said(&map, behind), said(&map, ahead)), (UNKNOWN_COST, UNKNOWN_COST));
     }
 }

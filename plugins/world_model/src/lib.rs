@@ -8,6 +8,7 @@
 //! | `classifier` | in, optional | `foxglove.Grid` | costs of the image classifier: field cost.classifier, local frame |
 //! | `bumper` | in, optional | `foxglove.Grid` | cells that the bumper hit: field cost.bumper, local frame |
 //! | `infrared` | in, optional | `foxglove.Grid` | costs of the infrared sensors: field cost.infrared, local frame |
+//! | `slip` | in, optional | `foxglove.Grid` | cells on which the wheels slipped: field cost.slip, local frame |
 //! | `costs` | in, optional | `foxglove.Grid` | costs of any sources: a field cost.<source> for each that the parameters list, local frame |
 //! | `weights` | in, optional | `rcs.FusionWeights` | weights that a process has learned; one counts until that of the parameters is changed |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
@@ -27,7 +28,7 @@
 //! resampled. A vote raises the confidence of that source in the class of the vote and lowers that in the other class,
 //! by constants and within bounds (Oskard 1988); ground's bound is low, so that an obstacle wins over ground that was
 //! seen for long. A source that keeps a map of its own (learned terrain) states its evidence instead, and replaces what
-//! was known of it. What is not seen again fades. The evidence of each source is kept separately, and the published cost
+//! was known of it where its map is now. What is not seen again fades. The evidence of each source is kept separately, and the published cost
 //! is computed from it by [`rcs_world::fuse`] with the weights of the parameters. The map scrolls so that the vehicle
 //! stays in cell (100, 100). Voting rules and message fields: [`rcs_world`].
 //!

@@ -247,6 +247,7 @@ pub fn by_shape(view: &GridView<'_>) -> Weights {
         weighted(Source::STEREO, 1.0, SourceKind::Range),
         weighted(Source::TERRAIN, 0.5, SourceKind::Learned),
         weighted(Source::BUMPER, 1.0, SourceKind::Override),
+        weighted(Source::SLIP, 1.0, SourceKind::Override),
     ];
     let is_listed = |source: Source| listed.iter().any(|entry| entry.source == source);
     let sources = view.sources();

@@ -449,8 +449,9 @@ impl MapMemoryKeeper {
         self.placed = None;
         let size_m = now.map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
         if let Some(cell_size_m) = size_m {
-            let frame = GridFrame::around(now.vehicle, 1, cell_size_m);
-            self.send(ports, params, &frame, &[UNKNOWN_COST], Pose::IDENTITY, cx);
+            let frame = GridFrame::around(now.vehicle, now.map.column_count as usize, cell_size_m);
+            let unknown = vec![UNKNOWN_COST; frame.side * frame.side];
+            self.send(ports, params, &frame, &unknown, Pose::IDENTITY, cx);
             self.sent = None;
         }
     }

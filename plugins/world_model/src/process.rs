@@ -42,13 +42,14 @@ struct Contribution {
 }
 
 /// The input of each source that comes with the program.
-static NAMED_PORTS: [(Source, &str); 6] = [
+static NAMED_PORTS: [(Source, &str); 7] = [
     (Source::STEREO, "costs from range images: field cost.stereo, local frame"),
     (Source::COLOR, "costs of the colour models: field cost.color, local frame"),
     (Source::TERRAIN, "costs of terrain learned from range: field cost.terrain, local frame"),
     (Source::CLASSIFIER, "costs of the image classifier: field cost.classifier, local frame"),
     (Source::BUMPER, "cells that the bumper hit: field cost.bumper, local frame"),
     (Source::INFRARED, "costs of the infrared sensors: field cost.infrared, local frame"),
+    (Source::SLIP, "cells on which the wheels slipped: field cost.slip, local frame"),
 ];
 
 rcs_runtime::commands! {

@@ -8,11 +8,14 @@ use crate::slips;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::rcs::PlanState;
 use rcs_runtime::Cycle;
+use rcs_sense::{SLIPPERY, pose_of};
 
 /// Time after which it is believed that there is no way on the near map to where the far path leads, s.
 const NO_WAY_S: f64 = 1.0;
 /// Time between two messages with the places where wheels slipped, s.
 const SLIPS_PERIOD_S: f64 = 1.0;
+/// Distance between two places where the wheels slipped over some metres, m.
+const SLIPPERY_STEP_M: f64 = 0.5;
 
 impl WaypointGenerator {
     /// Bars a place of the far path to which the planner of the near map finds no way: the near map shows better what is
@@ -40,6 +43,31 @@ impl WaypointGenerator {
         if goal_m > params.no_way_bars_m + 1.0 {
             let place = BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m };
             self.take_barred(Some(&place), false);
+        }
+    }
+
+    /// Notes where the wheels slipped over some metres.
+    pub(super) fn take_way_slip(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        while let Some(report) = cx.read(&ports.way_slip) {
+            if !SLIPPERY.contains(&report.slip) {
+                continue;
+            }
+            match pose_of(report.middle.as_ref(), &params.local_frame) {
+                Ok(middle) => {
+                    let Some((global_from_local, _)) = self.global_from_local else { continue };
+                    let at = (global_from_local * middle.translation).truncate();
+                    let is_new = |last: &(f64, f64)| at.distance(DVec2::from(*last)) >= SLIPPERY_STEP_M;
+                    if self.slippery.last().is_none_or(is_new) {
+                        self.slippery.push((at.x, at.y));
+                    }
+                }
+                Err(error) => cx.fault(format!("way_slip: {error}; skipped")),
+            }
         }
     }
 

@@ -27,7 +27,7 @@ name = "driver"
 name = "generator"
 plugin = "waypoint_generator"
 supervisor = "viewer"
-inputs = { path = "/planner/path", far_path = "/operator/far_path", transforms = "/operator/transforms", global = "/operator/global", registration = "/operator/registration", slip = "/operator/slip", modes = "/follower/modes", plan = "/planner/plan", mission = "/operator/mission" }
+inputs = { path = "/planner/path", far_path = "/operator/far_path", transforms = "/operator/transforms", global = "/operator/global", registration = "/operator/registration", way_slip = "/operator/way_slip", modes = "/follower/modes", plan = "/planner/plan", mission = "/operator/mission" }
 
 [[process]]
 name = "planner"
@@ -49,6 +49,7 @@ right_images = "/operator/right"
 goal = "/generator/goal"
 plan = "/planner/plan"
 slip = "/operator/slip"
+way_slip = "/operator/way_slip"
 bumper = "/operator/bumper"
 odometry = "/operator/odometry"
 "#;

@@ -2,10 +2,11 @@
 
 use super::goal::register;
 use super::{FILES, cycle, free, global_at, path, place_local_frame, start};
-use rcs_geom::{DVec2, Utm};
+use rcs_geom::{DVec2, Pose, Utm};
 use rcs_msg::{Stamp, rcs};
-use rcs_planner::proto::SlipMemory;
+use rcs_planner::proto::{Route, SlipMemory};
 use rcs_planner::slips;
+use rcs_sense::pose_message;
 use rcs_testkit::bench::Bench;
 
 /// The places that are sent, in the global frame, m.
@@ -64,18 +65,43 @@ fn a_place_that_is_driven_over_is_forgotten() {
     assert_eq!(sent(&bench), Some(Vec::new()));
 }
 
+/// What fixes tell of the wheels over the last metres, in the middle of which the vehicle was here, local frame, m.
+fn way_slip(bench: &Bench, slip: f64, x_m: f64) -> rcs::WaySlip {
+    let now = Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto());
+    let middle = Some(pose_message(&Pose::from_xy_yaw(x_m, 0.0, 0.0)));
+    rcs::WaySlip { timestamp: now, since: now, slip, middle, ..rcs::WaySlip::default() }
+}
+
 #[test]
-fn wheels_turn_on_the_spot_by_their_own_speed_and_not_by_that_of_the_estimate() {
-    for (wheel_speed_mps, turn) in [(1.0, true), (0.0, false)] {
+fn wheels_that_turn_on_the_spot_by_the_fixes_are_shaken_free_and_those_in_flat_mud_drive_on() {
+    for (slip, is_stuck) in [(0.95, true), (0.5, false)] {
         let mut bench = start(&FILES);
-        for _ in 0..100 {
-            let timestamp = Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto());
-            let report = rcs::SlipReport { timestamp, wheel_speed_mps, ..rcs::SlipReport::default() };
-            bench.write("/operator/slip", report);
-            // The estimate stands, too.
+        for _ in 0..40 {
+            let report = way_slip(&bench, slip, 0.0);
+            bench.write("/operator/way_slip", report);
             bench.write("/operator/global", global_at(2.0));
-            cycle(&mut bench, 0.0, 0.0, free, 2);
+            cycle(&mut bench, 0.0, 0.0, free, 1);
         }
-        assert_eq!(sent(&bench).is_some_and(|places| !places.is_empty()), turn, "{wheel_speed_mps} m/s");
+        cycle(&mut bench, 0.0, 0.0, free, 26);
+        assert_eq!(sent(&bench).is_some_and(|places| !places.is_empty()), is_stuck, "{slip}");
     }
+}
+
+#[test]
+fn the_route_for_the_next_run_leaves_out_where_the_wheels_slipped() {
+    let mut bench = start(&FILES);
+    for half_metres in 0..=20 {
+        let x_m = f64::from(half_metres) / 2.0;
+        if (4.0..=6.0).contains(&x_m) {
+            let report = way_slip(&bench, 0.5, x_m);
+            bench.write("/operator/way_slip", report);
+        }
+        bench.write("/operator/global", global_at(x_m + 2.0));
+        cycle(&mut bench, x_m, 0.0, free, 5);
+    }
+    let route = bench.latest::<Route>("/generator/route");
+    let at: Vec<f64> = route.points.iter().map(|point| point.easting_m - 300_000.0).collect();
+    let between = |from: f64, to: f64| at.iter().filter(|x| (from..to).contains(*x)).count();
+    assert!(between(2.0, 4.6) >= 2 && between(9.4, 12.5) >= 2, "{at:?}");
+    assert_eq!(between(5.0, 9.0), 0, "{at:?}");
 }

@@ -1,0 +1,158 @@
+//! Slip of the wheels over the last metres, by position fixes: the encoders count what the wheels roll, and the global
+//! estimate follows the fixes.
+//!
+//! The inertial sensors tell the beginning of slip within a second, and soon forget it; fixes tell slip that lasts, as in
+//! flat mud, some seconds later. Over 5 m the noise is 0.09 (standard deviation, measured on three courses with mud).
+
+use crate::planar::Planar;
+use glam::DVec2;
+use rcs_geom::Pose;
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Way of the wheels over which slip is measured, m.
+const WINDOW_M: f64 = 5.0;
+/// Way between two samples, m; every second one is reported.
+const STEP_M: f64 = 0.2;
+/// Share of the way of the wheels by which the estimate may have moved sideways. Slip moves it along the heading; else the
+/// fixes correct something different.
+const MOST_ACROSS: f64 = 0.25;
+
+/// Sums since the start, and where the vehicle was.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Sample {
+    time: Stamp,
+    rolled_m: f64,
+    /// Way in the global frame: along the heading, in the direction in which the wheels turned, and across it.
+    moved: DVec2,
+    local_from_vehicle: Pose,
+}
+
+/// What the wheels did over the last metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slipped {
+    /// When these metres began.
+    pub since: Stamp,
+    /// Way that the wheels have rolled, without sign, m.
+    pub rolled_m: f64,
+    /// Way that the vehicle has moved with them, m.
+    pub moved_m: f64,
+    /// Where the vehicle was in the middle of these metres.
+    pub middle: Pose,
+}
+
+impl Slipped {
+    /// Share of the wheels' motion that the vehicle has not made, 0 to 1.
+    pub fn slip(&self) -> f64 {
+        (1.0 - self.moved_m / self.rolled_m).clamp(0.0, 1.0)
+    }
+}
+
+/// The last metres.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct WaySlip {
+    /// By time, [`STEP_M`] apart; every second one was reported.
+    samples: VecDeque<Sample>,
+    rolled_m: f64,
+    moved: DVec2,
+    /// Where the global estimate was at the last call, m.
+    before: Option<DVec2>,
+    is_odd: bool,
+}
+
+impl WaySlip {
+    /// Forgets everything: the global estimate has begun anew, or has no fixes.
+    pub fn clear(&mut self) {
+        *self = WaySlip::default();
+    }
+
+    /// Takes a way of the wheels, m, and both estimates after it. Says what they tell together, now and then.
+    pub fn take(
+        &mut self,
+        time: Stamp,
+        step_m: f64,
+        global: &Planar,
+        local_from_vehicle: Pose,
+    ) -> Option<Slipped> {
+        let moved = global.at - self.before.replace(global.at)?;
+        // What the fixes correct while the wheels stand is no way.
+        if step_m != 0.0 {
+            let ahead = DVec2::from_angle(global.yaw_rad) * step_m.signum();
+            self.moved += DVec2::new(moved.dot(ahead), moved.perp_dot(ahead));
+            self.rolled_m += step_m.abs();
+        }
+        if self.samples.back().is_some_and(|last| self.rolled_m - last.rolled_m < STEP_M) {
+            return None;
+        }
+        let (rolled_m, moved) = (self.rolled_m, self.moved);
+        self.samples.push_back(Sample { time, rolled_m, moved, local_from_vehicle });
+        while self.samples.get(1).is_some_and(|second| rolled_m - second.rolled_m >= WINDOW_M) {
+            self.samples.pop_front();
+        }
+        self.is_odd = !self.is_odd;
+        let first =
+            self.samples.front().filter(|first| self.is_odd && rolled_m - first.rolled_m >= WINDOW_M)?;
+        let way_m = rolled_m - first.rolled_m;
+        let DVec2 { x: moved_m, y: across_m } = moved - first.moved;
+        let middle = self.samples.iter().find(|sample| sample.rolled_m - first.rolled_m >= way_m / 2.0)?;
+        (across_m.abs() <= MOST_ACROSS * way_m).then_some(Slipped {
+            since: first.time,
+            rolled_m: way_m,
+            moved_m,
+            middle: middle.local_from_vehicle,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is told of wheels that roll 1 m/s for 20 s, for a global estimate that moves like this.
+    fn told(at: impl Fn(f64) -> DVec2, roll_mps: f64) -> Vec<Slipped> {
+        let mut slip = WaySlip::default();
+        let times = (0..1000_u32).map(|step| f64::from(step) / 50.0);
+        let take = |time_s: f64| {
+            let global = Planar::new(at(time_s), 0.0, 1.0, 0.0);
+            let local = Pose::from_xy_yaw(roll_mps * time_s, 0.0, 0.0);
+            slip.take(Stamp((time_s * 1e9) as u64), roll_mps / 50.0, &global, local)
+        };
+        times.filter_map(take).collect()
+    }
+
+    #[test]
+    fn slip_is_the_share_of_the_way_that_the_vehicle_has_not_made() {
+        for (share, expected) in [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0), (-0.3, 1.0)] {
+            for roll_mps in [1.0, -1.0] {
+                let told = told(|time_s| DVec2::new(roll_mps * share * time_s, 0.0), roll_mps);
+                assert!((30..40).contains(&told.len()), "every 0.4 m: {}", told.len());
+                let last = told[told.len() - 1];
+                assert!((last.slip() - expected).abs() < 1e-9, "{share} {last:?}");
+                assert!((5.0..5.3).contains(&last.rolled_m));
+                // 2.5 m behind the last report.
+                let middle_m = last.middle.translation.x * roll_mps;
+                assert!((16.9..17.6).contains(&middle_m), "{middle_m}");
+                assert!((14.5..15.1).contains(&(last.since.0 as f64 / 1e9)));
+            }
+        }
+    }
+
+    #[test]
+    fn it_follows_what_the_ground_is_within_the_window() {
+        // Mud from 10 m on.
+        let told = told(|time_s| DVec2::new(time_s.min(10.0) + 0.5 * (time_s - 10.0).max(0.0), 0.0), 1.0);
+        let slip_at = |middle_m: f64| {
+            let near = told.iter().find(|slipped| slipped.middle.translation.x >= middle_m);
+            near.map_or(f64::NAN, Slipped::slip)
+        };
+        assert!(slip_at(7.0) < 0.05 && slip_at(13.0) > 0.45, "{} {}", slip_at(7.0), slip_at(13.0));
+        assert!((0.2..0.3).contains(&slip_at(10.0)), "{}", slip_at(10.0));
+    }
+
+    #[test]
+    fn nothing_is_told_of_wheels_that_stand_or_of_fixes_that_move_the_estimate_sideways() {
+        assert_eq!(told(|time_s| DVec2::new(time_s, 0.0), 0.0), []);
+        assert_eq!(told(|time_s| DVec2::new(time_s, 0.5 * time_s), 1.0), []);
+    }
+}
