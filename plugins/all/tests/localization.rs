@@ -276,8 +276,9 @@ fn an_estimate_that_is_told_of_slip_counts_little_of_what_spinning_wheels_turn()
 
 #[test]
 fn position_fixes_tell_slip_that_lasts() {
-    let params = [("vehicle.world", "mud")];
-    let mut bench = Setup::new(STACK, all()).params(&params).assets(&Files).bench();
+    let params = [("vehicle.world", "mud"), ("localization.tilt_time_s", "5")];
+    let stack = STACK.replace("gps =", "slip = \"/proximity/slip\", gps =") + SLIP;
+    let mut bench = Setup::new(&stack, all()).params(&params).assets(&Files).bench();
     drive(&mut bench, 0.0, 0.0, 50);
     let mut told = |tenths: u64| -> Vec<f64> {
         let report = |bench: &Bench| bench.newest::<rcs::WaySlip>("/localization/way_slip");

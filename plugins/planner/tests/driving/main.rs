@@ -304,7 +304,7 @@ fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
         cycle(&mut bench, 0.0, 0.0, free, 1);
     }
     assert!(drive(&bench).0 < -0.3, "{}", story(&bench));
-    assert_eq!(mode(&bench).0, "SLIPPING");
+    assert_eq!(mode(&bench).0, "SPINNING");
     let mut drives = Vec::new();
     for _ in 0..5 {
         cycle(&mut bench, 0.0, 0.0, free, 10);
@@ -322,7 +322,7 @@ fn it_leaves_slip_ahead_where_something_is_behind_and_slowly_where_nothing_is_fr
             bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
             cycle(&mut bench, 0.0, 0.0, costs, 1);
         }
-        assert_eq!(mode(&bench).0, "SLIPPING");
+        assert_eq!(mode(&bench).0, "SPINNING");
         (drive(&bench).0, story(&bench))
     };
     let bush = |at: DVec2| if (-1.4..-0.6).contains(&at.x) && at.y.abs() < 0.6 { 250 } else { 0 };
