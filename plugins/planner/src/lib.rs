@@ -39,7 +39,7 @@
 //! | `far_path` | in, optional | `foxglove.PosesInFrame` | path of the planner of a larger map, local frame |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
 //! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
-//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres by position fixes: where the wheels slipped, the next run finds no route |
+//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres by position fixes: the route for the next run leaves out where the wheels slipped |
 //! | `map` | in, optional | `foxglove.Grid` | a world model's map, local frame, by which the route is cut |
 //! | `registration` | in, optional | `foxglove.FrameTransforms` | the global frame of the remembered route in the local frame |
 //! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
@@ -61,8 +61,8 @@
 //! around the goal of the file after it has arrived there by its own estimate ([`around_goal`]). There are no waypoints,
 //! and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
-//! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. Where wheels slipped is a parameter of the next run
-//! ([`slips`]). State: the frames, what the planner was told, the track, and the barred places.
+//! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. Where wheels
+//! slipped is a parameter of the next run ([`slips`]). State: the frames, what the planner was told, the track, and the barred places.
 //!
 //! # `waypoint_follower`
 //!
