@@ -2,7 +2,9 @@
 //! estimate follows the fixes.
 //!
 //! The inertial sensors tell the beginning of slip within a second, and soon forget it; fixes tell slip that lasts, as in
-//! flat mud, some seconds later. Over 5 m the noise is 0.09 (standard deviation, measured on three courses with mud).
+//! flat mud, some seconds later. Against the truth of four simulated drives through mud the error is 0.08 to 0.13 (standard
+//! deviation); of 1417 reports, 24 say 0.35 or more where it is below 0.2, most of them on a strip of firm ground between
+//! mud, because the global estimate follows late.
 
 use crate::planar::Planar;
 use glam::DVec2;
