@@ -153,7 +153,8 @@ fn print(name: &str, report: &Report) {
 /// The world model of a bundled stack alone, with its inputs, the truth and the poses from the log.
 fn world_model(stack: &str, log: &Log, overrides: &[(String, String)]) -> Arc<Plan> {
     let text = Repository.read("stack", stack, "").unwrap().text;
-    let table: toml::Table = text.parse().unwrap();
+    let composed = StackFile::compose(stack, &text, &Repository).unwrap_or_else(|error| panic!("{error}"));
+    let table: toml::Table = composed.text.parse().unwrap();
     let processes = table["process"].as_array().unwrap();
     let is_world_model = |process: &&toml::Value| process["plugin"].as_str() == Some("world_model");
     let mut process = processes.iter().find(is_world_model).unwrap().as_table().unwrap().clone();

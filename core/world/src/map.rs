@@ -161,6 +161,19 @@ impl Map {
         true
     }
 
+    /// A source saw a cell, but not the obstacle that it had seen there before: the confidence in the obstacle falls as by
+    /// a vote for ground, and there is no evidence of ground.
+    pub fn missed(&mut self, index: CellIndex, source: Source, rule: VoteRule) {
+        let is_obstacle = |held: &Evidence| Label::of_cost(held.cost) == Label::Obstacle;
+        let Some(held) = self.layer(source).and_then(|layer| layer.get(index)).copied().filter(is_obstacle)
+        else {
+            return;
+        };
+        if let Some(evidence) = self.layer_mut(source).get_mut(index) {
+            *evidence = held.faded(rule.obstacle_fall);
+        }
+    }
+
     /// Replaces the evidence of a source within a window by its own statement: that of the listed cells, and none in the
     /// other cells of the window. What it said outside of it stays: a source whose map moves with the vehicle says no more
     /// of what it has left. Cells outside of the map are left out. Cells whose evidence stays the same but for its sequence

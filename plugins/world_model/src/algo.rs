@@ -16,7 +16,7 @@ pub struct VoteOrigin {
     pub time: Stamp,
     /// Weight of a vote.
     pub rule: VoteRule,
-    /// Costs with less backing are left out.
+    /// Costs with less backing do not vote.
     pub least_backing: u8,
     /// Ground heights that differ by less agree, m.
     pub height_tolerance_m: f32,
@@ -40,12 +40,19 @@ pub struct Taken {
 ///   was known of the source where the message has cells, known or not, with the confidence `conf.<source>` and the
 ///   backing `backing.<source>`.
 ///
-/// Cells with less than the least backing are left out.
+/// Cells with less than the least backing are left out. In those of a message that votes, an obstacle that the source
+/// saw before loses confidence ([`Map::missed`]): else one frame that takes ground for a known obstacle would stay.
 ///
 /// Heights are taken where the message has them (`ground.mean` and the others of [`Map::to_grid`]).
 pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, GridViewError> {
     let Resampled { mut cells, is_state, outside } = resampled(grid, origin.source, map.grid())?;
-    cells.retain(|sensed| sensed.vote.backing >= origin.least_backing);
+    cells.retain(|sensed| {
+        let is_backed = sensed.vote.backing >= origin.least_backing;
+        if !is_backed && !is_state {
+            map.missed(sensed.cell, origin.source, origin.rule);
+        }
+        is_backed
+    });
     if is_state {
         let stated: Vec<_> =
             cells.iter().map(|sensed| (sensed.cell, sensed.stated(origin.sequence))).collect();
@@ -161,6 +168,15 @@ mod tests {
         assert_eq!(take(&mut map, &message, &origin).unwrap().votes, 1);
         let said = |place| map.evidence(Source::COLOR, map.grid().cell_at(place).unwrap());
         assert_eq!((said(a).cost, said(b)), (250, Evidence::NONE));
+        // What is seen there again without the backing takes the confidence away, and is no ground.
+        let (seen, unbacked) = (said(a), grid(DVec2::ZERO, Source::COLOR, &[(a, 40), (b, 40)]));
+        assert_eq!(take(&mut map, &unbacked, &origin).unwrap().votes, 0);
+        let evidence = map.evidence(Source::COLOR, at);
+        assert_eq!(evidence, seen.faded(RULE.obstacle_fall));
+        assert!(evidence.confidence > 0 && evidence.cost == 250);
+        take(&mut map, &unbacked, &origin).unwrap();
+        assert_eq!(map.evidence(Source::COLOR, at), Evidence::NONE);
+        assert!(map.layer(Source::COLOR).unwrap().iter().all(|(_, held)| *held == Evidence::NONE));
     }
 
     #[test]
