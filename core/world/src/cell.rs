@@ -37,7 +37,8 @@ pub struct VoteRule {
     pub rise: u8,
     /// Subtracted from the confidence in ground by a vote of full worth for an obstacle.
     pub fall: u8,
-    /// Subtracted from the confidence in an obstacle by a vote of full worth for ground. Less than `fall`, because ground
+    /// Subtracted from the confidence in an obstacle by a vote of full worth for ground, and where the source sees the
+    /// cell without the obstacle ([`crate::Map::missed`]). Less than `fall`, because ground
     /// is also seen through and beside an obstacle: a mesh, a post, a cell that the obstacle fills in part.
     pub obstacle_fall: u8,
     /// Greatest confidence in an obstacle that votes of full worth reach; at least 1.
