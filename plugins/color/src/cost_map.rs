@@ -5,12 +5,13 @@
 //! covers several cells but its ray meets only one of them; a cell without a pixel of its own takes the cost of the
 //! pixel into which its centre projects. Cells beyond the range stay unknown, because the plane does not hold there.
 //!
-//! A known obstacle (an a priori model) stands upright on the ground. So in each column of the image its lowest pixel
-//! says where it is, and the pixels above that one say nothing. A cell with such a pixel has the highest cost, and a
-//! backing: how likely its colour is that of the known obstacle.
+//! In each column of the image the foot of a known obstacle ([`crate::upright`]) says where it is, and the pixels above
+//! say nothing. A cell with a foot has the highest cost, and a backing: how sure it is that it is the known obstacle.
 
+use crate::engine::Known;
 use crate::gate::plane_height;
 use crate::image::{HEIGHT, WIDTH};
+use crate::upright::{Foot, Pixels, Shape, feet};
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
@@ -53,33 +54,44 @@ pub struct Ground<'a> {
     points: Vec<(DVec2, u8, u8)>,
 }
 
-/// From this likelihood on, 0 to 255, a pixel shows a known obstacle.
-const KNOWN: u8 = 128;
-
 impl<'a> Ground<'a> {
     /// Projects the costs of the reduced image.
     pub fn new(costs: &'a [u8], place: CameraPlacement<'a>) -> Ground<'a> {
-        Ground::with_known(costs, &[], place)
+        Ground::with_known(costs, None, place)
     }
 
-    /// The same with the likelihood of known obstacles for each pixel; empty where there are none.
-    pub fn with_known(costs: &'a [u8], known: &[u8], place: CameraPlacement<'a>) -> Ground<'a> {
-        let mut costs = Cow::Borrowed(costs);
-        if known.iter().any(|&known| known >= KNOWN) {
-            stand_upright(costs.to_mut(), known);
-        }
+    /// The same with the pixels of known obstacles, and their shape.
+    pub fn with_known(
+        costs: &'a [u8],
+        known: Option<(&Known, Shape)>,
+        place: CameraPlacement<'a>,
+    ) -> Ground<'a> {
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
         let up = place.local_from_vehicle.rotate(DVec3::Z);
         let camera = local_from_camera.translation;
         let above_m = (camera - place.local_from_vehicle.translation).dot(up) + place.below_m;
         let turn = local_from_camera.rotation_matrix();
         let up_in_camera = turn.transpose() * up;
+        let feet = known.filter(|_| above_m > 0.0).map(|(known, shape)| {
+            // Where the lens model has no ray for a pixel, the ray is zero, and its slope NaN.
+            let slope =
+                |ray: &DVec3| -ray.dot(up_in_camera) / ray.reject_from_normalized(up_in_camera).length();
+            let slopes: Vec<f64> = place.rays.iter().map(slope).collect();
+            let pixels = Pixels { pure: &known.pure, blended: &known.blended, slopes: &slopes };
+            feet(&pixels, &shape, above_m)
+        });
+        let feet = feet.unwrap_or_default();
+        let mut costs = Cow::Borrowed(costs);
+        if feet.iter().any(Option::is_some) {
+            stand_upright(costs.to_mut(), &feet);
+        }
         let mut points = Vec::with_capacity(costs.len());
         for (at, (&cost, &ray)) in costs.iter().zip(place.rays).enumerate() {
             // Where the lens model has no ray for a pixel, the ray is zero, which does not point down either.
             let down = -ray.dot(up_in_camera);
             if cost != UNKNOWN_COST && above_m > 0.0 && down > 0.0 {
-                let backing = known.get(at).copied().filter(|&known| known >= KNOWN).unwrap_or(0);
+                let foot = feet.get(at % WIDTH).copied().flatten().filter(|foot| foot.row == at / WIDTH);
+                let backing = foot.map_or(0, |foot| foot.backing);
                 points.push(((camera + turn * ray * (above_m / down)).truncate(), cost, backing));
             }
         }
@@ -87,13 +99,13 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// In each column of the reduced image: the lowest pixel of a known obstacle has the highest cost, and the pixels above
-/// it have none.
-fn stand_upright(costs: &mut [u8], known: &[u8]) {
-    for column in 0..WIDTH {
-        let Some(foot) = (0..HEIGHT).rev().find(|row| known[row * WIDTH + column] >= KNOWN) else { continue };
-        costs[foot * WIDTH + column] = MAX_COST;
-        (0..foot).for_each(|row| costs[row * WIDTH + column] = UNKNOWN_COST);
+/// In each column of the reduced image: the foot of a known obstacle has the highest cost, and the pixels above it have
+/// none.
+fn stand_upright(costs: &mut [u8], feet: &[Option<Foot>]) {
+    for (column, foot) in feet.iter().enumerate() {
+        let Some(foot) = foot else { continue };
+        costs[foot.row * WIDTH + column] = MAX_COST;
+        (0..foot.row).for_each(|row| costs[row * WIDTH + column] = UNKNOWN_COST);
     }
 }
 
@@ -233,7 +245,9 @@ mod tests {
             local_from_vehicle: &local_from_vehicle,
             below_m: 0.0,
         };
-        CostMap::new(&Ground::with_known(&costs, &known, place), 0.2, 10.0)
+        let known = Known { blended: known.clone(), pure: known };
+        let shape = Shape { height_m: 0.95, least_share: 0.6 };
+        CostMap::new(&Ground::with_known(&costs, Some((&known, shape)), place), 0.2, 10.0)
     }
 
     #[test]

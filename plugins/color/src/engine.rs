@@ -57,8 +57,8 @@ pub struct Samples<'a> {
 pub struct Seen {
     /// Costs of the 128×96 image in row order, 255 for unclassified pixels; `None` while there is no ground model.
     pub costs: Option<Vec<u8>>,
-    /// How likely each of these pixels shows a known obstacle, 0 to 255; empty without models of known obstacles.
-    pub known: Vec<u8>,
+    /// Which of these pixels show a known obstacle; `None` without models of known obstacles.
+    pub known: Option<Known>,
     /// Number of pixels by class; all 0 where `costs` is `None`.
     pub counts: Counts,
     /// Pixels in the ground sample.
@@ -67,6 +67,15 @@ pub struct Seen {
     pub learned: Option<Learned>,
     /// Difference between the ground sample and the best match before learning; 1 without a model or a sample.
     pub difference: f32,
+}
+
+/// How likely the pixels of the 128×96 image show a known obstacle, 0 to 255, in row order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// By the obstacle's own colour.
+    pub pure: Vec<u8>,
+    /// By this colour or a blend of it and the ground.
+    pub blended: Vec<u8>,
 }
 
 impl Engine {
@@ -93,7 +102,7 @@ impl Engine {
         let sample_pixels = samples.ground.iter().map(Span::pixels).sum();
         let mut seen = Seen {
             costs: None,
-            known: Vec::new(),
+            known: None,
             counts: Counts::default(),
             sample_pixels,
             learned: None,
@@ -127,9 +136,12 @@ impl Engine {
         }
         if !self.models.ground.is_empty() {
             let costs = self.fused.take(&reduced, &self.models.probabilities(), settings.fusion_frames);
-            let known = self.models.known_obstacles();
-            if !known.is_empty() {
-                seen.known = reduced.iter().map(|&[red, green]| known[bin(red, green)]).collect();
+            if !self.models.obstacles.is_empty() {
+                let of = |table: &[u8]| reduced.iter().map(|&[red, green]| table[bin(red, green)]).collect();
+                seen.known = Some(Known {
+                    pure: of(&self.models.known_obstacles()),
+                    blended: of(&self.models.blended_obstacles(settings.known_least_cover)),
+                });
             }
             seen.counts = count(&costs);
             seen.costs = Some(costs);

@@ -34,6 +34,7 @@
 //!   learning mode. [`background`](mod@background): the pixels from which the background is learned.
 //! - [`image`]: reduction to 128×96 pixels. [`fusion`]: `P_ground`, temporal fusion, cost.
 //! - [`region`]: the trapezoid of the ground sample, and the horizon. [`cost_map`]: costs on the ground plane.
+//! - [`mesh`]: the colours of known obstacles that the ground is seen through. [`upright`]: where known obstacles stand.
 //! - [`gate`]: when ground is not learned. [`file`](mod@file): conversion of models to messages and files.
 //!
 //! Cost: 2 ms for 640×480 on one thread (`benches/color.rs`); linear in the pixels of the image.
@@ -72,12 +73,14 @@ pub mod fusion;
 pub mod gate;
 pub mod histogram;
 pub mod image;
+pub mod mesh;
 pub mod models;
 mod output;
 mod ports;
 mod process;
 pub mod region;
 mod settings;
+pub mod upright;
 
 pub use process::{ColorModelLearner, ColorModelsCommand};
 

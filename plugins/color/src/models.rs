@@ -15,9 +15,13 @@
 //! background's.
 
 use crate::histogram::{CELLS, Histogram};
+use crate::mesh;
 use rcs_msg::Stamp;
 use rcs_sense::{Sample, last_learned, learned_name};
 use serde::{Deserialize, Serialize};
+
+/// Blends of a known obstacle that are rarer than this part of them do not count.
+const LEAST_PART: f32 = 0.0005;
 
 /// Parameters of learning.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +40,8 @@ pub struct Settings {
     pub fusion_frames: u32,
     /// Minimum number of pixels of a ground sample.
     pub min_sample_px: u32,
+    /// Least share of a pixel that a known obstacle covers where it shows: 1 for those that nothing is seen through.
+    pub known_least_cover: f64,
 }
 
 impl Default for Settings {
@@ -49,6 +55,7 @@ impl Default for Settings {
             memory: 25,
             fusion_frames: 3,
             min_sample_px: 300,
+            known_least_cover: 0.25,
         }
     }
 }
@@ -248,6 +255,28 @@ impl Models {
             if obstacle > 0.0 { (255.0 * obstacle / all) as u8 } else { 0 }
         };
         (0..CELLS).map(known).collect()
+    }
+
+    /// How likely a colour is a blend of a known obstacle and the ground behind it, for each bin: `N / (N + N_g)`, 0 to
+    /// 255, with the counts N of the blends ([`mesh::blended`]) and the largest `N_g`. The background does not count,
+    /// because the background of a fence is often the fence itself. Empty without known obstacles.
+    pub fn blended_obstacles(&self, least_cover: f64) -> Vec<u8> {
+        let Some((first, others)) = self.obstacles.split_first() else { return Vec::new() };
+        let mut obstacle = first.histogram.clone();
+        (1..).zip(others).for_each(|(uses, model)| obstacle.merge(&model.histogram, uses));
+        let (mut blend, mut ground) = (vec![0.0_f32; CELLS], vec![0.0_f32; CELLS]);
+        let raise = |most: &mut [f32], counts: &[f32]| {
+            std::iter::zip(most, counts).for_each(|(most, &count)| *most = most.max(count));
+        };
+        for model in &self.ground {
+            raise(&mut blend, &mesh::blended(&obstacle, &model.histogram, least_cover));
+            raise(&mut ground, model.histogram.counts());
+        }
+        let least = LEAST_PART * obstacle.sum();
+        let likelihood = |(blend, ground): (f32, f32)| {
+            if blend > least { (255.0 * blend / (blend + ground) + 0.5) as u8 } else { 0 }
+        };
+        std::iter::zip(blend, ground).map(likelihood).collect()
     }
 
     /// `P_ground = N_g / (N_g + N_b)` of each bin, the maximum over the ground models; NaN for 0/0 (unclassified).

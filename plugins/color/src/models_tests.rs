@@ -1,4 +1,4 @@
-use crate::histogram::Histogram;
+use crate::histogram::{Histogram, bin};
 use crate::models::{Learned, Model, Models, Settings};
 use rcs_msg::Stamp;
 
@@ -10,6 +10,7 @@ const SETTINGS: Settings = Settings {
     memory: 4,
     fusion_frames: 3,
     min_sample_px: 10,
+    known_least_cover: 0.25,
 };
 /// Images arrive five times a second.
 const STEP_NS: u64 = 200_000_000;
@@ -27,6 +28,10 @@ fn mixed(red: u8, share: f32, other: u8) -> Histogram {
 
 fn plain(red: u8) -> Histogram {
     mixed(red, 0.0, red)
+}
+
+fn model(histogram: Histogram) -> Model {
+    Model { name: String::new(), histogram, uses: 1, updated: Stamp(0), sample: None }
 }
 
 fn learn(models: &mut Models, histogram: &Histogram) -> Learned {
@@ -124,13 +129,6 @@ fn the_background_is_one_model_and_an_average() {
 
 #[test]
 fn the_largest_probability_over_the_ground_models_counts_and_nothing_over_nothing_is_no_answer() {
-    let model = |histogram: Histogram| Model {
-        name: String::new(),
-        histogram,
-        uses: 1,
-        updated: Stamp(0),
-        sample: None,
-    };
     let models = Models {
         ground: vec![model(plain(10)), model(mixed(10, 0.75, 90))],
         background: Some(model(mixed(10, 0.5, 200))),
@@ -138,7 +136,7 @@ fn the_largest_probability_over_the_ground_models_counts_and_nothing_over_nothin
         ..Models::default()
     };
     let p = models.probabilities();
-    let at = |red: u8| p[crate::histogram::bin(red, 0)];
+    let at = |red: u8| p[bin(red, 0)];
     // Ground 1000 and 250 against background 500; ground 0 and 750 against the obstacle's 750; background alone.
     assert!((at(10) - 1000.0 / 1500.0).abs() < 1e-6 && (at(90) - 0.5).abs() < 1e-6);
     assert_eq!((at(200), at(250)), (0.0, 0.0));
@@ -162,4 +160,22 @@ fn models_to_begin_with_are_scaled_to_the_budget() {
     let models = Models::default().with(&file, 1000);
     assert_eq!((models.ground[0].histogram.sum(), models.obstacles[0].histogram.sum()), (1000.0, 1000.0));
     assert_eq!((models.ground[0].name.as_str(), models.ground[0].uses), ("mulch", 7));
+}
+
+#[test]
+fn blends_of_a_known_obstacle_and_the_ground_are_likely_whatever_the_background_is() {
+    let model =
+        |histogram| Model { name: String::new(), histogram, uses: 1, updated: Stamp(0), sample: None };
+    let mut models = Models { ground: vec![model(plain(60))], ..Models::default() };
+    assert!(models.blended_obstacles(0.25).is_empty(), "no obstacle is known");
+    models.obstacles.push(model(plain(220)));
+    let likely = |models: &Models, red| models.blended_obstacles(0.25)[bin(red, 0)];
+    for (red, likelihood) in [(60, 0), (101, 255), (220, 255), (250, 0)] {
+        assert_eq!(likely(&models, red), likelihood, "{red}");
+    }
+    models.background = Some(model(plain(101)));
+    assert_eq!(likely(&models, 101), 255);
+    // Other ground of that colour makes it less likely.
+    models.ground.push(model(mixed(60, 0.2, 101)));
+    assert!((1..128).contains(&likely(&models, 101)), "{}", likely(&models, 101));
 }

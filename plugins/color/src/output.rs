@@ -7,6 +7,7 @@ use crate::models::Learned;
 use crate::ports::Ports;
 use crate::proto::{ColorLearning, ColorModelsParams};
 use crate::settings::extrinsics;
+use crate::upright::Shape;
 use glam::DVec2;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::points_annotation::Type;
@@ -25,7 +26,9 @@ pub(crate) fn send_costs(
 ) -> [u32; 2] {
     let Some(costs) = &seen.costs else { return [0; 2] };
     let time = image.acq_time();
-    let ground = Ground::with_known(costs, &seen.known, *place);
+    let shape = Shape { height_m: params.known_height_m, least_share: params.known_least_share };
+    let known = seen.known.as_ref().map(|known| (known, shape));
+    let ground = Ground::with_known(costs, known, *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
     cx.write(&ports.cost, time, map.into_grid(extrinsics(params).frames.local, time));

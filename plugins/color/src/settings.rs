@@ -46,6 +46,7 @@ pub(crate) fn settings(params: &ColorModelsParams) -> Settings {
         memory: params.model_memory,
         fusion_frames: params.fusion_frames,
         min_sample_px: params.min_sample_px,
+        known_least_cover: params.known_least_cover,
     }
 }
 
