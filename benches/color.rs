@@ -1,4 +1,5 @@
-//! The complete colour model on one image, as its process runs it: learning, classification, both cost maps.
+//! The complete colour model on one image, as its process runs it: learning, classification, both cost maps; without
+//! and with a known obstacle.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
@@ -6,9 +7,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use rcs_color::cost_map::{CameraPlacement, CostMap, Ground};
 use rcs_color::engine::{Engine, Permission, Samples};
+use rcs_color::file::parse;
 use rcs_color::image::Image;
-use rcs_color::models::Settings;
+use rcs_color::models::{Models, Settings};
 use rcs_color::region::{Rectangle, first_background, rays, spans};
+use rcs_color::upright::Shape;
 use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_sense::fingerprint;
@@ -43,43 +46,49 @@ fn color_models(criterion: &mut Criterion) {
     let rectangle = Rectangle { ahead_m: 0.6, length_m: 2.0, width_m: 1.0, below_m: 0.0 };
     let rays = rays(&camera);
     let images: Vec<Vec<u8>> = (0..8).map(scene).collect();
-    let (mut engine, settings) = (Engine::default(), Settings::default());
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut at = 0_u64;
+    let settings = Settings::default();
+    let fence = parse(include_str!("../assets/models/orange_fence.json")).expect("sound models");
+    let shape = Shape { height_m: 0.95, least_share: 0.6 };
 
     let mut group = criterion.benchmark_group("color/whole_model");
     group.throughput(Throughput::Elements((SIZE[0] * SIZE[1]) as u64));
-    group.bench_function("640x480", |bench| {
-        bench.iter(|| {
-            at += 1;
-            let data = &images[at as usize % images.len()];
-            let print = fingerprint(data);
-            // The process copies the image out of its message.
-            let rgb = data.clone();
-            let spans = spans(&rectangle.outline(&camera, &mount), SIZE);
-            let limits = first_background(&rays, &mount, SIZE[1], 50);
-            let samples = Samples {
-                ground: &spans,
-                frame_id: "",
-                first_background: &limits,
-                permission: Permission::All,
-            };
-            let image = Image::new(SIZE, 3 * SIZE[0], &rgb).expect("a sound image");
-            let time = Stamp(at * PERIOD_NS);
-            let seen = engine.see(&image, &samples, time, &settings, &mut rng);
-            let place = CameraPlacement {
-                camera: &camera,
-                rays: &rays,
-                vehicle_from_camera: &mount,
-                local_from_vehicle: &Pose::from_xy_yaw(0.2 * at as f64, 0.0, 0.0),
-                below_m: 0.0,
-            };
-            let costs = seen.costs.expect("there is ground in the image");
-            let ground = Ground::new(&costs, place);
-            let map = |cell_m, range_m| CostMap::new(&ground, cell_m, range_m).into_grid("local", time);
-            (print, map(0.2, 12.0), map(0.6, 20.0))
+    for (name, models) in [("640x480", Models::default()), ("640x480_known_fence", fence)] {
+        let mut engine = Engine::new(Models::default().with(&models, settings.samples));
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut at = 0_u64;
+        group.bench_function(name, |bench| {
+            bench.iter(|| {
+                at += 1;
+                let data = &images[at as usize % images.len()];
+                let print = fingerprint(data);
+                // The process copies the image out of its message.
+                let rgb = data.clone();
+                let spans = spans(&rectangle.outline(&camera, &mount), SIZE);
+                let limits = first_background(&rays, &mount, SIZE[1], 50);
+                let samples = Samples {
+                    ground: &spans,
+                    frame_id: "",
+                    first_background: &limits,
+                    permission: Permission::All,
+                };
+                let image = Image::new(SIZE, 3 * SIZE[0], &rgb).expect("a sound image");
+                let time = Stamp(at * PERIOD_NS);
+                let seen = engine.see(&image, &samples, time, &settings, &mut rng);
+                let place = CameraPlacement {
+                    camera: &camera,
+                    rays: &rays,
+                    vehicle_from_camera: &mount,
+                    local_from_vehicle: &Pose::from_xy_yaw(0.2 * at as f64, 0.0, 0.0),
+                    below_m: 0.0,
+                };
+                let costs = seen.costs.expect("there is ground in the image");
+                let ground =
+                    Ground::with_known(&costs, seen.known.as_ref().map(|known| (known, shape)), place);
+                let map = |cell_m, range_m| CostMap::new(&ground, cell_m, range_m).into_grid("local", time);
+                (print, map(0.2, 12.0), map(0.6, 20.0))
+            })
         });
-    });
+    }
     group.finish();
 }
 

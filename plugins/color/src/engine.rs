@@ -16,6 +16,9 @@ use serde::{Deserialize, Serialize};
 /// After a longer gap, ns, the fused probabilities are discarded: the pixels no longer see the same ground.
 const FUSION_GAP_NS: u64 = 1_000_000_000;
 
+/// After this time, ns, the colours of known obstacles are blended anew with those of the ground, which changes slowly.
+const BLEND_PERIOD_NS: u64 = 1_000_000_000;
+
 /// State of one camera: its models, and the probabilities fused over the last images.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Engine {
@@ -24,6 +27,9 @@ pub struct Engine {
     fused: Fused,
     last_image: Option<Stamp>,
     last_learned: Option<Stamp>,
+    /// [`Models::blended_obstacles`], and when they were blended.
+    blended: Vec<u8>,
+    blended_at: Option<Stamp>,
 }
 
 /// What may be learned from an image.
@@ -137,11 +143,14 @@ impl Engine {
         if !self.models.ground.is_empty() {
             let costs = self.fused.take(&reduced, &self.models.probabilities(), settings.fusion_frames);
             if !self.models.obstacles.is_empty() {
+                let is_old = |at: Stamp| time.0.abs_diff(at.0) >= BLEND_PERIOD_NS;
+                if self.blended_at.is_none_or(is_old) || seen.learned == Some(Learned::Added) {
+                    self.blended = self.models.blended_obstacles(settings.known_least_cover);
+                    self.blended_at = Some(time);
+                }
                 let of = |table: &[u8]| reduced.iter().map(|&[red, green]| table[bin(red, green)]).collect();
-                seen.known = Some(Known {
-                    pure: of(&self.models.known_obstacles()),
-                    blended: of(&self.models.blended_obstacles(settings.known_least_cover)),
-                });
+                seen.known =
+                    Some(Known { pure: of(&self.models.known_obstacles()), blended: of(&self.blended) });
             }
             seen.counts = count(&costs);
             seen.costs = Some(costs);

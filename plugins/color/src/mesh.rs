@@ -34,7 +34,9 @@ pub fn blended(obstacle: &Histogram, ground: &Histogram, least_cover: f64) -> Ve
     let sum: f32 = blend.iter().sum();
     if sum > 0.0 {
         let factor = obstacle.sum() / sum;
-        blend.iter_mut().for_each(|count| *count *= factor);
+        for count in &mut blend {
+            *count *= factor;
+        }
     }
     blend
 }
