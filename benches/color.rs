@@ -5,7 +5,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
-use rcs_color::cost_map::{CameraPlacement, CostMap, Ground};
+use rcs_color::cost_map::{CameraPlacement, CostMap, Ground, Standing};
 use rcs_color::engine::{Engine, Permission, Samples};
 use rcs_color::file::parse;
 use rcs_color::image::Image;
@@ -82,8 +82,8 @@ fn color_models(criterion: &mut Criterion) {
                     below_m: 0.0,
                 };
                 let costs = seen.costs.expect("there is ground in the image");
-                let ground =
-                    Ground::with_known(&costs, seen.known.as_ref().map(|known| (known, shape)), place);
+                let known = seen.known.as_ref().map(|known| Standing { known, shape, screens: None });
+                let ground = Ground::with_known(&costs, known.as_ref(), place);
                 let map = |cell_m, range_m| CostMap::new(&ground, cell_m, range_m).into_grid("local", time);
                 (print, map(0.2, 12.0), map(0.6, 20.0))
             })

@@ -6,10 +6,11 @@
 //! pixel into which its centre projects. Cells beyond the range stay unknown, because the plane does not hold there.
 //!
 //! In each column of the image the foot of a known obstacle ([`crate::upright`]) says where it is, and the pixels above
-//! say nothing. A cell with a foot has the highest cost, and a backing: how sure it is that it is the known obstacle.
+//! say nothing; where something in front of the foot hides it ([`crate::hidden`]), there is none. A cell with a foot has the highest cost, and a backing: how sure it is that it is the known obstacle.
 
 use crate::engine::Known;
 use crate::gate::plane_height;
+use crate::hidden::Screens;
 use crate::image::{HEIGHT, WIDTH};
 use crate::upright::{Foot, Pixels, Shape, feet};
 use glam::{DVec2, DVec3};
@@ -45,6 +46,17 @@ pub struct CostMap {
     backings: Vec<u8>,
 }
 
+/// Known obstacles in the image, and what may hide them.
+#[derive(Clone, Copy)]
+pub struct Standing<'a> {
+    /// Their pixels.
+    pub known: &'a Known,
+    /// Their shape.
+    pub shape: Shape,
+    /// Obstacles of the map, in the local frame; `None` without a map.
+    pub screens: Option<&'a Screens<'a>>,
+}
+
 /// The reduced image projected onto the plane, from which maps of any cell size are made.
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
@@ -60,10 +72,10 @@ impl<'a> Ground<'a> {
         Ground::with_known(costs, None, place)
     }
 
-    /// The same with the pixels of known obstacles, and their shape.
+    /// The same with known obstacles.
     pub fn with_known(
         costs: &'a [u8],
-        known: Option<(&Known, Shape)>,
+        known: Option<&Standing<'_>>,
         place: CameraPlacement<'a>,
     ) -> Ground<'a> {
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
@@ -72,13 +84,22 @@ impl<'a> Ground<'a> {
         let above_m = (camera - place.local_from_vehicle.translation).dot(up) + place.below_m;
         let turn = local_from_camera.rotation_matrix();
         let up_in_camera = turn.transpose() * up;
-        let feet = known.filter(|_| above_m > 0.0).map(|(known, shape)| {
+        let feet = known.filter(|_| above_m > 0.0).map(|&Standing { known, shape, screens }| {
             // Where the lens model has no ray for a pixel, the ray is zero, and its slope NaN.
             let slope =
                 |ray: &DVec3| -ray.dot(up_in_camera) / ray.reject_from_normalized(up_in_camera).length();
             let slopes: Vec<f64> = place.rays.iter().map(slope).collect();
             let pixels = Pixels { pure: &known.pure, blended: &known.blended, slopes: &slopes };
-            feet(&pixels, &shape, above_m)
+            let is_hidden = |column: usize, foot: &Foot| {
+                let ray = place.rays[foot.row * WIDTH + column];
+                let at = camera + turn * ray * (above_m / -ray.dot(up_in_camera));
+                screens.is_some_and(|screens| screens.hides(camera, at))
+            };
+            let mut feet = feet(&pixels, &shape, above_m);
+            for (column, foot) in feet.iter_mut().enumerate() {
+                *foot = foot.filter(|foot| !is_hidden(column, foot));
+            }
+            feet
         });
         let feet = feet.unwrap_or_default();
         let mut costs = Cow::Borrowed(costs);
@@ -247,7 +268,8 @@ mod tests {
         };
         let known = Known { blended: known.clone(), pure: known };
         let shape = Shape { height_m: 0.95, least_share: 0.6 };
-        CostMap::new(&Ground::with_known(&costs, Some((&known, shape)), place), 0.2, 10.0)
+        let known = Standing { known: &known, shape, screens: None };
+        CostMap::new(&Ground::with_known(&costs, Some(&known), place), 0.2, 10.0)
     }
 
     #[test]

@@ -55,7 +55,7 @@ const PARTS: usize = 5;
 /// Obstacles farther from the rectangle's edges than this cannot project into it, m.
 const BEYOND_M: f64 = 2.0;
 /// Sources that see obstacles by their shape or touch them.
-const SOLID: [&str; 3] = ["cost.stereo", "cost.infrared", "cost.bumper"];
+pub(crate) const SOLID: [&str; 3] = ["cost.stereo", "cost.infrared", "cost.bumper"];
 
 /// How the camera sees the ground sample.
 #[derive(Clone, Copy, Debug)]

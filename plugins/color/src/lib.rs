@@ -35,6 +35,7 @@
 //! - [`image`]: reduction to 128×96 pixels. [`fusion`]: `P_ground`, temporal fusion, cost.
 //! - [`region`]: the trapezoid of the ground sample, and the horizon. [`cost_map`]: costs on the ground plane.
 //! - [`mesh`]: the colours of known obstacles that the ground is seen through. [`upright`]: where known obstacles stand.
+//!   [`hidden`]: what stands in front of them.
 //! - [`gate`]: when ground is not learned. [`file`](mod@file): conversion of models to messages and files.
 //!
 //! Cost: 2 ms for 640×480 on one thread (`benches/color.rs`); linear in the pixels of the image. With known obstacles
@@ -72,6 +73,7 @@ pub mod engine;
 pub mod file;
 pub mod fusion;
 pub mod gate;
+pub mod hidden;
 pub mod histogram;
 pub mod image;
 pub mod mesh;

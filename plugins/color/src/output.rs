@@ -1,7 +1,8 @@
 //! Outputs of the process.
 
-use crate::cost_map::{CameraPlacement, CostMap, Ground};
+use crate::cost_map::{CameraPlacement, CostMap, Ground, Standing};
 use crate::engine::{Permission, Seen};
+use crate::hidden::Screens;
 use crate::image::{HEIGHT, WIDTH};
 use crate::models::Learned;
 use crate::ports::Ports;
@@ -15,10 +16,11 @@ use rcs_msg::foxglove::{Color, ImageAnnotations, Point2, PointsAnnotation, RawIm
 use rcs_runtime::{Cycle, Msg};
 use rcs_sense::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
 
-/// Sends the overlay and both maps. Returns the number of cells of the first map with a cost, and of obstacle cells.
+/// Sends the overlay and both maps; obstacles of the map hide what stands behind them. Returns the number of cells of the first map with a cost, and of obstacle cells.
 pub(crate) fn send_costs(
     seen: &Seen,
     place: &CameraPlacement<'_>,
+    screens: Option<&Screens<'_>>,
     image: &Msg<RawImage>,
     ports: &Ports,
     params: &ColorModelsParams,
@@ -27,8 +29,8 @@ pub(crate) fn send_costs(
     let Some(costs) = &seen.costs else { return [0; 2] };
     let time = image.acq_time();
     let shape = Shape { height_m: params.known_height_m, least_share: params.known_least_share };
-    let known = seen.known.as_ref().map(|known| (known, shape));
-    let ground = Ground::with_known(costs, known, *place);
+    let known = seen.known.as_ref().map(|known| Standing { known, shape, screens });
+    let ground = Ground::with_known(costs, known.as_ref(), *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
     cx.write(&ports.cost, time, map.into_grid(extrinsics(params).frames.local, time));

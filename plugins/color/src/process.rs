@@ -5,6 +5,7 @@ use crate::cost_map::CameraPlacement;
 use crate::engine::{Engine, Samples};
 use crate::file::to_message;
 use crate::gate::{Odometer, SampleView, obstacle_in_sample};
+use crate::hidden::Screens;
 use crate::image::{Image, ImageSizeError};
 use crate::output::{annotation, learning, permission, send_costs, text_of};
 use crate::ports::Ports;
@@ -14,7 +15,7 @@ use crate::settings::{extrinsics, files, initial_engine, initial_models, rectang
 use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{CameraCalibration, RawImage};
+use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
@@ -240,7 +241,10 @@ impl ColorModelLearner {
             below_m: params.wheels_below_m,
         };
         cx.write(&ports.sample, time, annotation(&outline, time));
-        let cells = send_costs(&seen, &place, image, ports, params, cx);
+        let map = recent_map(time, ports, params, cx);
+        let map = map.as_ref().and_then(|map| view_of(map, params).ok());
+        let screens = map.as_ref().and_then(Screens::of);
+        let cells = send_costs(&seen, &place, screens.as_ref(), image, ports, params, cx);
         let left_ns = self.engine.models.learning_left_ns().unwrap_or(0);
         let stats = ColorStats {
             timestamp: Some(time.to_proto()),
@@ -339,14 +343,26 @@ fn obstacle_ahead(
     params: &ColorModelsParams,
     cx: &mut Cycle<'_>,
 ) -> Result<bool, String> {
-    let Some(map) = cx.latest(&ports.map) else { return Ok(false) };
-    if time.seconds_since(map.acq_time()).abs() > params.map_max_age_s {
-        return Ok(false);
-    }
+    let Some(map) = recent_map(time, ports, params, cx) else { return Ok(false) };
+    Ok(obstacle_in_sample(&view_of(&map, params)?, view))
+}
+
+/// The newest map, unless it is too old.
+fn recent_map(
+    time: Stamp,
+    ports: &Ports,
+    params: &ColorModelsParams,
+    cx: &mut Cycle<'_>,
+) -> Option<Msg<Grid>> {
+    cx.latest(&ports.map).filter(|map| time.seconds_since(map.acq_time()).abs() <= params.map_max_age_s)
+}
+
+/// A map in the local frame.
+fn view_of<'a>(map: &'a Msg<Grid>, params: &ColorModelsParams) -> Result<GridView<'a>, String> {
     let grid = GridView::of(map.message()).map_err(|error| format!("map: {error}"))?;
     let local = extrinsics(params).frames.local;
     if grid.frame_id() != local {
         return Err(format!("map's frame is {:?}, expected {local:?}", grid.frame_id()));
     }
-    Ok(obstacle_in_sample(&grid, view))
+    Ok(grid)
 }
