@@ -228,14 +228,15 @@ mod tests {
 
     /// A camera 1 m above the ground, pitched 20 degrees down.
     fn check(local_from_vehicle: Pose, paint: impl Fn(DVec3) -> u8) -> CostMap {
-        check_known(local_from_vehicle, paint, |_| 0)
+        check_known(local_from_vehicle, paint, |_| 0, None)
     }
 
-    /// The same with known obstacles, by the place where a ray meets the ground.
+    /// The same with known obstacles, by the place where a ray meets the ground, and what hides them.
     fn check_known(
         local_from_vehicle: Pose,
         paint: impl Fn(DVec3) -> u8,
         known: impl Fn(DVec3) -> u8,
+        screens: Option<&Screens<'_>>,
     ) -> CostMap {
         let camera =
             PinholeCamera::new([320, 240], [200.0, 200.0], [160.0, 120.0], Distortion::None).unwrap();
@@ -268,7 +269,7 @@ mod tests {
         };
         let known = Known { blended: known.clone(), pure: known };
         let shape = Shape { height_m: 0.95, least_share: 0.6 };
-        let known = Standing { known: &known, shape, screens: None };
+        let known = Standing { known: &known, shape, screens };
         CostMap::new(&Ground::with_known(&costs, Some(&known), place), 0.2, 10.0)
     }
 
@@ -291,7 +292,7 @@ mod tests {
     fn a_known_obstacle_stands_where_its_lowest_pixel_is_and_hides_what_is_behind() {
         // Its pixels reach from the ground at 4 m up to where rays meet the ground at 7 m.
         let is_fence = |p: DVec3| if (4.0..7.0).contains(&p.x) && p.y.abs() < 1.0 { 200 } else { 0 };
-        let map = check_known(Pose::IDENTITY, |_| 40, is_fence);
+        let map = check_known(Pose::IDENTITY, |_| 40, is_fence, None);
         let at = |x: f64, y: f64| {
             let slot = map.costs.slot(DVec2::new(x, y)).unwrap();
             (map.costs.costs()[slot], map.backings[slot])
@@ -299,6 +300,21 @@ mod tests {
         assert_eq!([at(4.1, 0.1), at(4.1, -0.5)], [(250, 200); 2]);
         assert_eq!([at(3.5, 0.1), at(4.1, 1.7)], [(40, 0); 2]);
         assert_eq!([at(5.3, 0.1), at(8.0, 0.1)], [(255, 0); 2]);
+    }
+
+    #[test]
+    fn what_seems_to_stand_behind_a_wall_is_none() {
+        // A patch of the wall at 3 m whose pixels meet the ground from 6 m on.
+        let is_fence = |p: DVec3| if (6.0..9.0).contains(&p.x) && p.y.abs() < 1.0 { 200 } else { 0 };
+        let wall = crate::hidden::tests::wall(1.5, Source::STEREO);
+        let view = rcs_world::GridView::new(&wall).unwrap();
+        let screens = Screens::of(&view).unwrap();
+        let backed = |screens| {
+            let map = check_known(Pose::IDENTITY, |_| 40, is_fence, screens);
+            map.backings.iter().filter(|backing| **backing > 0).count()
+        };
+        assert!(backed(None) >= 4);
+        assert_eq!(backed(Some(&screens)), 0);
     }
 
     #[test]

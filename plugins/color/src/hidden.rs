@@ -41,10 +41,11 @@ impl<'a> Screens<'a> {
     pub fn hides(&self, camera: DVec3, foot: DVec3) -> bool {
         let distance_m = (foot - camera).truncate().length();
         let end_m = distance_m * (1.0 - SAME_SHARE) - SAME_M;
-        let steps = ((end_m - NEAREST_M) / self.cell_size_m).floor();
-        (0..=steps.clamp(-1.0, 1e4) as i64).any(|step| {
-            let along = (NEAREST_M + step as f64 * self.cell_size_m) / distance_m;
-            steps >= 0.0 && self.top_m(camera.lerp(foot, along)).is_some_and(|(top, ray)| top >= ray)
+        let step_m = 0.5 * self.cell_size_m;
+        let steps = ((end_m - NEAREST_M) / step_m).floor().clamp(-1.0, 1e4) as i64;
+        (0..=steps).any(|step| {
+            let along = (NEAREST_M + step as f64 * step_m) / distance_m;
+            self.top_m(camera.lerp(foot, along)).is_some_and(|(top, ray)| top >= ray)
         })
     }
 
@@ -67,7 +68,7 @@ impl<'a> Screens<'a> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use glam::DVec2;
     use rcs_msg::Stamp;
@@ -77,11 +78,11 @@ mod tests {
     const CAMERA: DVec3 = DVec3::new(0.0, 0.0, 1.0);
 
     /// A map with a wall across x = 3 m, of this height (m), that this source has seen.
-    fn wall(height_m: f32, source: Source) -> Grid {
+    pub(crate) fn wall(height_m: f32, source: Source) -> Grid {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(DVec2::ZERO).unwrap();
         for step in -10..=10 {
-            let index = map.grid().cell_at(DVec2::new(3.0, f64::from(step) * 0.2)).unwrap();
+            let index = map.grid().cell_at(DVec2::new(3.1, 0.2 * f64::from(step) + 0.1)).unwrap();
             let rule = VoteRule { rise: 60, ..VoteRule::default() };
             map.vote(index, source, 250, 1, Stamp(1), rule);
             let mut heights = HeightStats::default();
