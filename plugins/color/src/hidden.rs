@@ -2,8 +2,8 @@
 //!
 //! Pixels of a hedge or a bush may have the colours of a known obstacle. Its foot then seems to lie where the rays of these
 //! pixels meet the ground, which is behind the hedge. Where the world model has an obstacle on the way to the foot that is
-//! high enough to hide it, the pixels show that obstacle. Only what was seen by its shape or touched counts
-//! ([`crate::gate::SOLID`]): known obstacles must not hide each other, and themselves, by where they were placed before.
+//! high enough to hide it, the pixels show that obstacle. Only what was seen by its shape or touched counts (stereo,
+//! infrared, bumper): known obstacles must not hide each other, and themselves, by where they were placed before.
 
 use crate::gate::SOLID;
 use glam::DVec3;

@@ -11,7 +11,7 @@
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
-//! | `map` | in, optional | `foxglove.Grid` | world model, local frame: obstacles in the ground sample prevent learning |
+//! | `map` | in, optional | `foxglove.Grid` | world model, local frame: obstacles in the ground sample prevent learning, and hide known obstacles behind them |
 //! | `probability` | out | `foxglove.RawImage` | cost 250(1 - P) of the 128x96 image, 255 unclassified |
 //! | `sample` | out | `foxglove.ImageAnnotations` | outline of the ground sample, pixels of the image |
 //! | `cost` | out | `foxglove.Grid` | cost of 201x201 cells of 0.2 m around the vehicle, and its backing by known obstacles, local frame |

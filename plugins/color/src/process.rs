@@ -94,7 +94,7 @@ impl Process for ColorModelLearner {
             poses: PosePorts::declare(b),
             map: b.optional_input(
                 "map",
-                "world model, local frame: obstacles in the ground sample prevent learning",
+                "world model, local frame: obstacles in the ground sample prevent learning, and hide known obstacles behind them",
             ),
             probability: b
                 .output("probability", "cost 250(1 - P) of the 128x96 image, 255 unclassified")
