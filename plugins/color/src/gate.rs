@@ -79,10 +79,7 @@ pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
     let fields = if solid.is_empty() { map.field("cost").into_iter().collect() } else { solid };
     let fused = map.field("cost").ok();
     let is_obstacle = |column: usize, row: usize| {
-        let is = |field: &Field<'_>| {
-            let cost = field.get(column, row).filter(|&cost| cost <= f64::from(MAX_COST));
-            cost.is_some_and(|cost| Label::of_cost(cost as u8) == Label::Obstacle)
-        };
+        let is = |field: &Field<'_>| is_obstacle_of(field, column, row);
         fields.iter().any(is) && fused.as_ref().is_none_or(is)
     };
     let ground = map.field("ground.mean").ok();
@@ -122,6 +119,12 @@ pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
         }
     }
     false
+}
+
+/// Whether a field of costs has an obstacle in a cell.
+pub(crate) fn is_obstacle_of(field: &Field<'_>, column: usize, row: usize) -> bool {
+    let cost = field.get(column, row).filter(|&cost| cost <= f64::from(MAX_COST));
+    cost.is_some_and(|cost| Label::of_cost(cost as u8) == Label::Obstacle)
 }
 
 /// Columns and rows of a map that may be near the rectangle.

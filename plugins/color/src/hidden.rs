@@ -5,10 +5,10 @@
 //! high enough to hide it, the pixels show that obstacle. Only what was seen by its shape or touched counts (stereo,
 //! infrared, bumper): known obstacles must not hide each other, and themselves, by where they were placed before.
 
-use crate::gate::SOLID;
+use crate::gate::{SOLID, is_obstacle_of};
 use glam::DVec3;
 use rcs_geom::Pose;
-use rcs_world::{Field, GridView, Label, MAX_COST};
+use rcs_world::{Field, GridView};
 
 /// A foot is placed with an error that increases with its distance, and so is what hides it: up to this distance, m, and
 /// this share of the distance of the foot, an obstacle in front of it is taken for the known obstacle itself.
@@ -56,11 +56,7 @@ impl<'a> Screens<'a> {
             return None;
         }
         let (column, row) = (at.x as usize, at.y as usize);
-        let is_obstacle = |field: &Field<'_>| {
-            let cost = field.get(column, row).filter(|&cost| cost <= f64::from(MAX_COST));
-            cost.is_some_and(|cost| Label::of_cost(cost as u8) == Label::Obstacle)
-        };
-        if !self.solid.iter().any(is_obstacle) {
+        if !self.solid.iter().any(|field| is_obstacle_of(field, column, row)) {
             return None;
         }
         self.top.get(column, row).filter(|top| top.is_finite()).map(|top| (top, point.z))
