@@ -45,21 +45,18 @@ impl<'a> Screens<'a> {
         let steps = ((end_m - NEAREST_M) / step_m).floor().clamp(-1.0, 1e4) as i64;
         (0..=steps).any(|step| {
             let along = (NEAREST_M + step as f64 * step_m) / distance_m;
-            self.top_m(camera.lerp(foot, along)).is_some_and(|(top, ray)| top >= ray)
+            self.reaches(camera.lerp(foot, along))
         })
     }
 
-    /// The top of the obstacle in the cell of a point on a ray, and the height of the ray there, m.
-    fn top_m(&self, point: DVec3) -> Option<(f64, f64)> {
+    /// Whether the obstacle in the cell of a point of a ray is as high as the point.
+    fn reaches(&self, point: DVec3) -> bool {
         let at = self.grid_from_frame * point / self.cell_size_m;
-        if at.x < 0.0 || at.y < 0.0 {
-            return None;
-        }
         let (column, row) = (at.x as usize, at.y as usize);
-        if !self.solid.iter().any(|field| is_obstacle_of(field, column, row)) {
-            return None;
-        }
-        self.top.get(column, row).filter(|top| top.is_finite()).map(|top| (top, point.z))
+        let is_inside = at.x >= 0.0 && at.y >= 0.0;
+        is_inside
+            && self.solid.iter().any(|field| is_obstacle_of(field, column, row))
+            && self.top.get(column, row).is_some_and(|top| top.is_finite() && top >= point.z)
     }
 }
 

@@ -16,7 +16,8 @@ use rcs_msg::foxglove::{Color, ImageAnnotations, Point2, PointsAnnotation, RawIm
 use rcs_runtime::{Cycle, Msg};
 use rcs_sense::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
 
-/// Sends the overlay and both maps; obstacles of the map hide what stands behind them. Returns the number of cells of the first map with a cost, and of obstacle cells.
+/// Sends the overlay and both maps; obstacles of the world model hide what stands behind them. Returns the number of
+/// cells of the first map with a cost, and of obstacle cells.
 pub(crate) fn send_costs(
     seen: &Seen,
     place: &CameraPlacement<'_>,
