@@ -5,7 +5,7 @@
 //! point, staying far away from obstacles and higher cost areas, and keeping the speed up by avoiding turns."
 //!
 //! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
-//! until its length, or until a blocked cell. Its score is a sum of terms, and the lowest one wins:
+//! until its length, or until the vehicle's middle or its tail gets into a blocked cell. Its score is a sum of terms, and the lowest one wins:
 //!
 //! | term | what |
 //! | --- | --- |
@@ -57,8 +57,8 @@ pub struct Rules {
     pub least_free_m: f64,
     /// Distance from the vehicle up to which blocked cells can be left, if the vehicle stands in one, m.
     pub escape_m: f64,
-    /// How far behind the origin of its frame the vehicle's tail is, which swings when it turns on the spot, and goes
-    /// ahead when it drives back, m.
+    /// How far behind the origin of its frame the vehicle's tail is, which swings when it turns on the spot or drives
+    /// through a bend, and goes ahead when it drives back, m.
     pub tail_m: f64,
     /// Weights of the terms.
     pub weights: Weights,
@@ -237,15 +237,21 @@ impl Scene<'_> {
         };
         // Whether a cell that is not blocked has been reached; a blocked cell can be left, but not entered.
         let mut is_out = self.cost(ahead(start)) != BLOCKED;
+        // In a bend ahead the tail swings out to the other side. It may follow the middle out of what that stands in.
+        let follows = arc.motion != Motion::Forward || !is_out;
+        let swings_in = |pose| !follows && self.cost(tail(pose, rules)) == BLOCKED;
+        let mut tail_is_out = !swings_in(start);
         for sample in 1..=samples {
             let along_m = length_m.min(f64::from(sample) * SAMPLE_M);
-            let cost = self.cost(ahead(pose_at(start, arc, along_m)));
-            if cost != BLOCKED {
-                is_out = true;
-            } else if is_out || along_m > rules.escape_m {
+            let pose = pose_at(start, arc, along_m);
+            let cost = self.cost(ahead(pose));
+            let (is_blocked, swings_in) = (cost == BLOCKED, swings_in(pose));
+            if (is_blocked && (is_out || along_m > rules.escape_m)) || (swings_in && tail_is_out) {
                 let before = if is_out { f64::from(sample - 1) } else { 0.0 };
                 return (before * SAMPLE_M, if before > 0.0 { sum / before } else { 1.0 });
             }
+            is_out |= !is_blocked;
+            tail_is_out |= !swings_in;
             sum += f64::from(cost.min(MAX_COST)) / f64::from(MAX_COST);
         }
         if is_out { (length_m, sum / f64::from(samples)) } else { (0.0, 1.0) }

@@ -116,6 +116,29 @@ fn driving_back_it_keeps_its_tail_free() {
 }
 
 #[test]
+fn in_a_bend_it_keeps_its_tail_free_and_one_that_is_in_a_wall_can_be_driven_out() {
+    // A wall on its right, which its tail swings towards in a bend to the left.
+    let free_m = |wall_m: f64, curvature_per_m: f64| {
+        let (sensed, costs) = scene(|at: DVec2| if at.y < -wall_m { BLOCKED } else { 10 });
+        let (vehicle, target) = (Pose::IDENTITY, DVec2::new(2.0, 2.0));
+        let scene = Scene {
+            sensed: &sensed,
+            costs: &costs,
+            vehicle: &vehicle,
+            target,
+            before_per_m: 0.0,
+            turning: None,
+        };
+        scene.score(Arc { motion: Motion::Forward, curvature_per_m }, &RULES).free_m
+    };
+    assert!(free_m(0.5, 1.5) > 2.0, "far from the wall");
+    assert!(free_m(0.05, 0.2) > 2.0, "a wide bend");
+    assert!(free_m(0.05, 1.5) < 0.5, "a tight one");
+    let in_a_wall = |at: DVec2| if at.x < -0.3 { BLOCKED } else { 10 };
+    assert!(chosen(in_a_wall, 0.0, DVec2::new(3.0, 1.5)).unwrap().free_m > 2.9);
+}
+
+#[test]
 fn a_vehicle_in_a_blocked_cell_can_leave_it() {
     let arc = chosen(|at| if at.length() < 0.35 { BLOCKED } else { 10 }, 0.0, DVec2::new(4.0, 0.0)).unwrap();
     assert!(arc.arc.motion == Motion::Forward && arc.free_m > 2.9, "{arc:?}");

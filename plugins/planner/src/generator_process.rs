@@ -5,6 +5,7 @@ mod bars;
 mod given;
 mod goals;
 mod led;
+mod same_start;
 
 use self::bars::in_local;
 use self::given::Given;
@@ -247,6 +248,7 @@ impl Process for WaypointGenerator {
         let local_from_route =
             registration.and_then(|message| route::registered(&message, &params.local_frame));
         let goal = self.found_before(params, stated, local_from_route.as_ref()).unwrap_or(stated);
+        let local_from_route = local_from_route.or_else(|| self.placed_by_start(params));
         let goal = self.around.map_or(goal, |around| around.target(goal, params.around_goal_m));
         let Some((global_from_local, at)) = self.global_from_local else {
             return cx.exec("waits for the local frame in the global frame");
@@ -373,7 +375,8 @@ impl WaypointGenerator {
         let Ok(origin) = self.given.origin(params) else { return };
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
         let Some((global_from_local, _)) = self.global_from_local else { return };
-        let mut way = self.way.in_global(|at| (global_from_local * at.extend(0.0)).truncate());
+        let has_slipped = self.has_slipped();
+        let mut way = self.way.in_global(has_slipped, |at| (global_from_local * at.extend(0.0)).truncate());
         way.push(at);
         let mut way = route::cut(&way, params.same_place_m);
         slips::leave_out(&mut way, &self.slippery);
@@ -494,7 +497,8 @@ struct Target {
     goal: DVec2,
     /// The same in the local frame.
     local: DVec2,
-    /// The global frame of the run that drove the route, as the remembered map is registered; `None` while it is not.
+    /// The global frame of the run that drove the route, as the remembered map is registered or as that run began where
+    /// this one did; `None` for the estimate of this run.
     local_from_route: Option<Pose>,
 }
 

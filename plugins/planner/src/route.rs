@@ -86,6 +86,12 @@ pub fn registered(message: &FrameTransforms, local_frame: &str) -> Option<Pose> 
     pose_of(Some(&pose), local_frame).ok()
 }
 
+/// Where the run began that drove the route, in the global frame with this origin as that run knew it, m.
+pub fn start(route: &Route, origin: &Utm) -> Option<DVec2> {
+    let point = route.points.first().filter(|_| route.zone == u32::from(origin.zone))?;
+    Some(DVec2::new(point.easting_m - origin.easting_m, point.northing_m - origin.northing_m))
+}
+
 /// Where the goal of a run that drove this route was, in the frame of the points, m; `None` for a route without a length.
 pub fn finish(points: &[DVec2]) -> Option<DVec2> {
     let &end = points.last()?;

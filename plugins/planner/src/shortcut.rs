@@ -26,8 +26,8 @@ const ROOM_M: f64 = 1.0;
 /// Length that is driven between two cuts, m.
 const STEP_M: f64 = 10.0;
 
-/// Greatest distance between where a point was when it was driven and where it is by the newest estimate of the position,
-/// m: what differs by more was driven before the wheels slipped, so the local frame is not one frame for both.
+/// Once the wheels have slipped, the greatest distance between where a point was when it was driven and where it is by the
+/// newest estimate of the position, m: what differs by more was driven before, so the local frame is not one frame for both.
 const MOST_CORRECTED_M: f64 = 3.0;
 
 /// A point of a way: in the local frame, in which the map lies, and in the global frame at the time that it was driven, m.
@@ -65,6 +65,11 @@ impl Way {
         self.open = self.points.len();
     }
 
+    /// Where it begins.
+    pub fn start(&self) -> Option<WayPoint> {
+        self.points.first().copied()
+    }
+
     /// Whether the vehicle has driven far enough since the last cut.
     pub fn is_due(&self) -> bool {
         self.since_cut_m >= STEP_M
@@ -85,10 +90,12 @@ impl Way {
     }
 
     /// Its points in the global frame, m, by the newest estimate of that frame, as the map that is saved with it.
-    pub fn in_global(&self, to_global: impl Fn(DVec2) -> DVec2) -> Vec<DVec2> {
+    /// `has_slipped`: whether the wheels have slipped, so that what was driven before may lie elsewhere in the local frame.
+    pub fn in_global(&self, has_slipped: bool, to_global: impl Fn(DVec2) -> DVec2) -> Vec<DVec2> {
         let newest = |point: &WayPoint| {
             let now = to_global(point.local);
-            if now.distance(point.global) <= MOST_CORRECTED_M { now } else { point.global }
+            let is_kept = has_slipped && now.distance(point.global) > MOST_CORRECTED_M;
+            if is_kept { point.global } else { now }
         };
         let (before, open) = self.points.split_at(self.open.min(self.points.len()));
         before.iter().map(|point| point.global).chain(open.iter().map(newest)).collect()
@@ -213,9 +220,9 @@ mod tests {
     fn a_way_into_a_dead_end_and_out_again_is_cut_before_it_although_both_lie_apart() {
         let mut way = along(&INTO_THE_TRAP);
         assert!(way.is_due());
-        let driven = way.in_global(to_global);
+        let driven = way.in_global(false, to_global);
         way.cut(&trap(), &[], to_global);
-        let kept = way.in_global(to_global);
+        let kept = way.in_global(false, to_global);
         assert!(!way.is_due());
         assert_eq!((kept.first(), kept.last()), (driven.first(), driven.last()));
         // The shortest way is 42 m long; that along the cells is up to 8 % longer.
@@ -224,13 +231,13 @@ mod tests {
         assert_eq!(kept.iter().find(in_the_trap), None);
         // A second cut by the same map only straightens it.
         way.cut(&trap(), &[], to_global);
-        let again_m = length_m(&way.in_global(to_global));
+        let again_m = length_m(&way.in_global(false, to_global));
         assert!((41.0..length_m(&kept) + 0.1).contains(&again_m), "{again_m} of {}", length_m(&kept));
     }
 
     #[test]
     fn what_is_unknown_barred_or_outside_of_the_map_is_no_cut() {
-        let length = |way: &Way| length_m(&way.in_global(to_global));
+        let length = |way: &Way| length_m(&way.in_global(false, to_global));
         // The cut across unknown ground would save 20 m.
         let mut way = along(&[(20.0, -10.0), (20.0, 10.0), (28.0, 10.0), (28.0, -10.0)]);
         let before_m = length(&way);
@@ -240,35 +247,37 @@ mod tests {
         let mut way = along(&INTO_THE_TRAP);
         let barred = [BarredPlace { x_m: -12.0, y_m: -15.0, radius_m: 14.0 }];
         way.cut(&trap(), &barred, to_global);
-        assert!(way.in_global(to_global).iter().any(|at| at.x > -3.0 && at.x < 0.0));
+        assert!(way.in_global(false, to_global).iter().any(|at| at.x > -3.0 && at.x < 0.0));
         let mut way = along(&[(100.0, 0.0), (120.0, 0.0), (120.0, 5.0), (100.0, 5.0)]);
         let before = way.clone();
         way.cut(&trap(), &[], to_global);
-        assert_eq!(way.in_global(to_global), before.in_global(to_global));
+        assert_eq!(way.in_global(false, to_global), before.in_global(false, to_global));
     }
 
     #[test]
     fn after_wheels_have_turned_what_was_driven_before_is_no_longer_cut() {
         let mut way = along(&INTO_THE_TRAP[..3]);
         way.back_to(to_global(DVec2::new(10.0, 2.5)));
-        let before = way.in_global(to_global);
+        let before = way.in_global(false, to_global);
         assert!(before.last().is_some_and(|last| last.distance(DVec2::new(10.0, 102.5)) < 0.6));
         for &WayPoint { local, global } in &along(&INTO_THE_TRAP[2..]).points {
             way.add(WayPoint { local, global });
         }
         way.cut(&trap(), &[], to_global);
-        assert_eq!(way.in_global(to_global)[..before.len()], before);
+        assert_eq!(way.in_global(false, to_global)[..before.len()], before);
     }
 
     #[test]
     fn the_way_lies_where_the_newest_estimate_says_unless_the_wheels_have_slipped_since() {
         let way = along(&[(0.0, 0.0), (10.0, 0.0)]);
         let corrected = |local: DVec2| to_global(local) + DVec2::new(1.5, -2.0);
-        assert_eq!(way.in_global(corrected)[0], corrected(DVec2::ZERO));
-        let slipped = |local: DVec2| to_global(local) + DVec2::new(6.0, 0.0);
-        assert_eq!(way.in_global(slipped)[0], to_global(DVec2::ZERO));
+        let far = |local: DVec2| to_global(local) + DVec2::new(6.0, 0.0);
+        assert_eq!(way.in_global(true, corrected)[0], corrected(DVec2::ZERO));
+        assert_eq!(way.in_global(true, far)[0], to_global(DVec2::ZERO));
+        // The first estimate was wrong by 6 m.
+        assert_eq!(way.in_global(false, far)[0], far(DVec2::ZERO));
         let mut way = way;
         way.back_to(to_global(DVec2::ZERO));
-        assert_eq!(way.in_global(corrected), [to_global(DVec2::ZERO)]);
+        assert_eq!(way.in_global(true, corrected), [to_global(DVec2::ZERO)]);
     }
 }
