@@ -6,8 +6,8 @@
 //! pixel into which its centre projects. Cells beyond the range stay unknown, because the plane does not hold there.
 //!
 //! In each column of the image the foot of a known obstacle ([`crate::upright`]) says where it is, and the pixels above
-//! say nothing; where something in front of the foot hides it ([`crate::hidden`]), there is none. A cell with a foot has
-//! the highest cost, and a backing: how sure it is that it is the known obstacle.
+//! say nothing; where something in front of the foot hides it, or something higher stands there ([`crate::hidden`]), there
+//! is none. A cell with a foot has the highest cost, and a backing: how sure it is that it is the known obstacle.
 
 use crate::engine::Known;
 use crate::gate::plane_height;
@@ -94,7 +94,9 @@ impl<'a> Ground<'a> {
             let is_hidden = |column: usize, foot: &Foot| {
                 let ray = place.rays[foot.row * WIDTH + column];
                 let at = camera + turn * ray * (above_m / -ray.dot(up_in_camera));
-                screens.is_some_and(|screens| screens.hides(camera, at))
+                screens.is_some_and(|screens| {
+                    screens.hides(camera, at) || screens.towers_over(camera, at, shape.height_m)
+                })
             };
             let mut feet = feet(&pixels, &shape, above_m);
             for (column, foot) in feet.iter_mut().enumerate() {

@@ -2,8 +2,9 @@
 //!
 //! Pixels of a hedge or a bush may have the colours of a known obstacle. Its foot then seems to lie where the rays of these
 //! pixels meet the ground, which is behind the hedge. Where the world model has an obstacle on the way to the foot that is
-//! high enough to hide it, the pixels show that obstacle. Only what was seen by its shape or touched counts (stereo,
-//! infrared, bumper): known obstacles must not hide each other, and themselves, by where they were placed before.
+//! high enough to hide it, the pixels show that obstacle. So they do where one stands at the foot, or close to it, that is
+//! clearly higher than the known obstacle. Only what was seen by its shape or touched counts (stereo, infrared, bumper):
+//! known obstacles must not hide each other, and themselves, by where they were placed before.
 
 use crate::gate::{SOLID, is_obstacle_of};
 use glam::DVec3;
@@ -14,6 +15,8 @@ use rcs_world::{Field, GridView};
 /// this share of the distance of the foot, an obstacle in front of it is taken for the known obstacle itself.
 const SAME_M: f64 = 0.5;
 const SAME_SHARE: f64 = 0.1;
+/// What is higher than a known obstacle by this factor is none.
+const HIGHER: f64 = 1.3;
 /// Nothing nearer to the camera than this, m, is looked at.
 const NEAREST_M: f64 = 0.5;
 
@@ -40,7 +43,7 @@ impl<'a> Screens<'a> {
     /// the map, m.
     pub fn hides(&self, camera: DVec3, foot: DVec3) -> bool {
         let distance_m = (foot - camera).truncate().length();
-        let end_m = distance_m * (1.0 - SAME_SHARE) - SAME_M;
+        let end_m = distance_m - tolerance_m(distance_m);
         let step_m = 0.5 * self.cell_size_m;
         let steps = ((end_m - NEAREST_M) / step_m).floor().clamp(-1.0, 1e4) as i64;
         (0..=steps).any(|step| {
@@ -49,7 +52,19 @@ impl<'a> Screens<'a> {
         })
     }
 
-    /// Whether the obstacle in the cell of a point of a ray is as high as the point.
+    /// Whether one of them stands at a place on the ground, or close to it, that is clearly higher than a known obstacle of
+    /// this height, m. Positions in the frame of the map, m.
+    pub fn towers_over(&self, camera: DVec3, foot: DVec3, height_m: f64) -> bool {
+        let radius_m = tolerance_m((foot - camera).truncate().length());
+        let cells = (radius_m / self.cell_size_m).floor() as i64;
+        let offsets = (-cells..=cells).flat_map(|x| (-cells..=cells).map(move |y| (x, y)));
+        offsets.filter(|(x, y)| x * x + y * y <= cells * cells).any(|(x, y)| {
+            let beside = DVec3::new(x as f64, y as f64, 0.0) * self.cell_size_m;
+            self.reaches(foot + beside + DVec3::Z * HIGHER * height_m)
+        })
+    }
+
+    /// Whether the obstacle in the cell of a point is as high as the point.
     fn reaches(&self, point: DVec3) -> bool {
         let at = self.grid_from_frame * point / self.cell_size_m;
         let (column, row) = (at.x as usize, at.y as usize);
@@ -58,6 +73,11 @@ impl<'a> Screens<'a> {
             && self.solid.iter().any(|field| is_obstacle_of(field, column, row))
             && self.top.get(column, row).is_some_and(|top| top.is_finite() && top >= point.z)
     }
+}
+
+/// Up to which distance from a foot at a distance an obstacle may be the known one itself, m.
+fn tolerance_m(distance_m: f64) -> f64 {
+    distance_m * SAME_SHARE + SAME_M
 }
 
 #[cfg(test)]
@@ -108,6 +128,19 @@ pub(crate) mod tests {
         let grid = wall(0.5, Source::STEREO);
         assert!(is_hidden(&grid, DVec3::new(5.0, 0.0, 0.0)));
         assert!(!is_hidden(&grid, DVec3::new(9.0, 0.0, 0.0)));
+    }
+
+    #[test]
+    fn what_stands_close_to_a_foot_and_is_higher_than_the_known_obstacle_is_not_it() {
+        let is_other = |height_m: f32, x: f64| {
+            let grid = wall(height_m, Source::STEREO);
+            let view = GridView::new(&grid).unwrap();
+            Screens::of(&view).unwrap().towers_over(CAMERA, DVec3::new(x, 0.0, 0.0), 1.0)
+        };
+        // The wall is at 3.0 to 3.2 m.
+        assert_eq!([2.5, 3.1, 3.7].map(|x| is_other(1.5, x)), [true; 3]);
+        assert_eq!([2.0, 5.0].map(|x| is_other(1.5, x)), [false; 2]);
+        assert!(!is_other(1.2, 3.1), "it may be the known obstacle itself");
     }
 
     #[test]

@@ -5,7 +5,8 @@
 //! point, staying far away from obstacles and higher cost areas, and keeping the speed up by avoiding turns."
 //!
 //! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
-//! until its length, or until the vehicle's middle or its tail gets into a blocked cell. Its score is a sum of terms, and the lowest one wins:
+//! until its length, or until the vehicle's middle gets into a blocked cell; in a tight bend, in which it swings out by more
+//! than half a cell, its tail, too. Its score is a sum of terms, and the lowest one wins:
 //!
 //! | term | what |
 //! | --- | --- |
@@ -237,8 +238,10 @@ impl Scene<'_> {
         };
         // Whether a cell that is not blocked has been reached; a blocked cell can be left, but not entered.
         let mut is_out = self.cost(ahead(start)) != BLOCKED;
-        // In a bend ahead the tail swings out to the other side. It may follow the middle out of what that stands in.
-        let follows = arc.motion != Motion::Forward || !is_out;
+        // In a tight bend ahead the tail swings out to the other side. It may follow the middle out of what that stands in.
+        let is_tight = arc.motion == Motion::Forward
+            && swing_m(arc.curvature_per_m, rules.tail_m) > 0.5 * self.sensed.cell_size_m;
+        let follows = !is_tight || !is_out;
         let swings_in = |pose| !follows && self.cost(tail(pose, rules)) == BLOCKED;
         let mut tail_is_out = !swings_in(start);
         for sample in 1..=samples {
@@ -279,6 +282,12 @@ impl Scene<'_> {
 /// The middle of the tail of a vehicle in a pose.
 fn tail((position, yaw): (DVec2, f64), rules: &Rules) -> DVec2 {
     position - DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.tail_m
+}
+
+/// By how much the tail swings out of the circle on which the vehicle's middle drives ahead, m.
+fn swing_m(curvature_per_m: f64, tail_m: f64) -> f64 {
+    let radius_m = 1.0 / curvature_per_m.abs().max(1e-6);
+    radius_m.hypot(tail_m) - radius_m
 }
 
 /// The arc with the lowest score among those that may be driven; the first of several.
