@@ -17,6 +17,8 @@ const SAME_M: f64 = 0.5;
 const SAME_SHARE: f64 = 0.1;
 /// What is higher than a known obstacle by this factor is none.
 const HIGHER: f64 = 1.3;
+/// Ground before it may look like the known obstacle, too, so that its foot seems to be nearer by this much more, m.
+const BEFORE_M: f64 = 0.5;
 /// Nothing nearer to the camera than this, m, is looked at.
 const NEAREST_M: f64 = 0.5;
 
@@ -55,7 +57,7 @@ impl<'a> Screens<'a> {
     /// Whether one of them stands at a place on the ground, or close to it, that is clearly higher than a known obstacle of
     /// this height, m. Positions in the frame of the map, m.
     pub fn towers_over(&self, camera: DVec3, foot: DVec3, height_m: f64) -> bool {
-        let radius_m = tolerance_m((foot - camera).truncate().length());
+        let radius_m = tolerance_m((foot - camera).truncate().length()) + BEFORE_M;
         let cells = (radius_m / self.cell_size_m).floor() as i64;
         let offsets = (-cells..=cells).flat_map(|x| (-cells..=cells).map(move |y| (x, y)));
         offsets.filter(|(x, y)| x * x + y * y <= cells * cells).any(|(x, y)| {
@@ -138,8 +140,8 @@ pub(crate) mod tests {
             Screens::of(&view).unwrap().towers_over(CAMERA, DVec3::new(x, 0.0, 0.0), 1.0)
         };
         // The wall is at 3.0 to 3.2 m.
-        assert_eq!([2.5, 3.1, 3.7].map(|x| is_other(1.5, x)), [true; 3]);
-        assert_eq!([2.0, 5.0].map(|x| is_other(1.5, x)), [false; 2]);
+        assert_eq!([2.0, 3.1, 4.2].map(|x| is_other(1.5, x)), [true; 3]);
+        assert_eq!([1.4, 5.0].map(|x| is_other(1.5, x)), [false; 2]);
         assert!(!is_other(1.2, 3.1), "it may be the known obstacle itself");
     }
 
