@@ -59,7 +59,7 @@ pub struct Rules {
     /// Distance from the vehicle up to which blocked cells can be left, if the vehicle stands in one, m.
     pub escape_m: f64,
     /// How far behind the origin of its frame the vehicle's tail is, which swings when it turns on the spot or drives
-    /// through a bend, and goes ahead when it drives back, m.
+    /// through a tight bend, and goes ahead when it drives back, m.
     pub tail_m: f64,
     /// Weights of the terms.
     pub weights: Weights,
