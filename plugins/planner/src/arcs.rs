@@ -287,7 +287,7 @@ fn tail((position, yaw): (DVec2, f64), rules: &Rules) -> DVec2 {
 /// By how much the tail swings out of the circle on which the vehicle's middle drives ahead, m.
 fn swing_m(curvature_per_m: f64, tail_m: f64) -> f64 {
     let radius_m = 1.0 / curvature_per_m.abs().max(1e-6);
-    radius_m.hypot(tail_m) - radius_m
+    libm::hypot(radius_m, tail_m) - radius_m
 }
 
 /// The arc with the lowest score among those that may be driven; the first of several.

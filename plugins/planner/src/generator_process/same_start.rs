@@ -17,8 +17,9 @@ const ESTIMATES_M: f64 = 2.0;
 /// How much the position estimates count at this distance from the common start, m, 0 to 1: the weighted mean with the
 /// least variance.
 fn share_of_estimates(from_start_m: f64) -> f64 {
-    let by_start = (HEADING_RAD * from_start_m).powi(2);
-    by_start / (by_start + ESTIMATES_M * ESTIMATES_M)
+    let by_heading_m = HEADING_RAD * from_start_m;
+    let variance = by_heading_m * by_heading_m;
+    variance / (variance + ESTIMATES_M * ESTIMATES_M)
 }
 
 impl WaypointGenerator {
