@@ -39,6 +39,15 @@ fn chosen(cost: impl Fn(DVec2) -> u8, yaw_rad: f64, target: DVec2) -> Option<Sco
     best(&scored).map(|at| scored[at])
 }
 
+/// The score of an arc of a vehicle at (0, 0) that faces its target, 4 m away.
+fn scored(cost: impl Fn(DVec2) -> u8, arc: Arc) -> Scored {
+    let (sensed, costs) = scene(cost);
+    let (vehicle, target) = (Pose::IDENTITY, DVec2::new(4.0, 0.0));
+    let scene =
+        Scene { sensed: &sensed, costs: &costs, vehicle: &vehicle, target, before_per_m: 0.0, turning: None };
+    scene.score(arc, &RULES)
+}
+
 #[test]
 fn on_free_ground_it_drives_straight_or_bends_to_the_target() {
     let free = |_| 10;
@@ -96,18 +105,8 @@ fn before_a_wall_that_hides_its_target_it_goes_back_and_does_not_turn_past_it() 
 fn driving_back_it_keeps_its_tail_free() {
     // The tail is 0.5 m behind the origin.
     let free_m = |wall_m: f64| {
-        let (sensed, costs) = scene(|at: DVec2| if at.x < -wall_m { BLOCKED } else { 10 });
-        let (vehicle, target) = (Pose::IDENTITY, DVec2::new(4.0, 0.0));
-        let scene = Scene {
-            sensed: &sensed,
-            costs: &costs,
-            vehicle: &vehicle,
-            target,
-            before_per_m: 0.0,
-            turning: None,
-        };
         let back = Arc { motion: Motion::Backward, curvature_per_m: 0.0 };
-        let scored = scene.score(back, &RULES);
+        let scored = scored(|at| if at.x < -wall_m { BLOCKED } else { 10 }, back);
         (scored.free_m, scored.open)
     };
     assert_eq!(free_m(2.0), (1.0, true));
@@ -119,17 +118,8 @@ fn driving_back_it_keeps_its_tail_free() {
 fn in_a_bend_it_keeps_its_tail_free_and_one_that_is_in_a_wall_can_be_driven_out() {
     // A wall on its right, which its tail swings towards in a bend to the left.
     let free_m = |wall_m: f64, curvature_per_m: f64| {
-        let (sensed, costs) = scene(|at: DVec2| if at.y < -wall_m { BLOCKED } else { 10 });
-        let (vehicle, target) = (Pose::IDENTITY, DVec2::new(2.0, 2.0));
-        let scene = Scene {
-            sensed: &sensed,
-            costs: &costs,
-            vehicle: &vehicle,
-            target,
-            before_per_m: 0.0,
-            turning: None,
-        };
-        scene.score(Arc { motion: Motion::Forward, curvature_per_m }, &RULES).free_m
+        let bend = Arc { motion: Motion::Forward, curvature_per_m };
+        scored(|at| if at.y < -wall_m { BLOCKED } else { 10 }, bend).free_m
     };
     assert!(free_m(0.5, 1.5) > 2.0, "far from the wall");
     assert!(free_m(0.05, 0.2) > 2.0, "a wide bend");
