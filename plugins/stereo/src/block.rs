@@ -6,9 +6,11 @@
 //! row are processed together, one disparity after the other, so that vectors run along the row and no sum crosses
 //! their lanes.
 //!
-//! Both images are searched: the best disparity of each pixel of the right image follows from the same sums.
+//! Both images are searched: the best disparity of each pixel of the right image follows from the same sums. Costs fit in
+//! 12 bits, so the cost and the disparity within a group of 16 are one number of 16 bits, and one minimum finds both. A
+//! second pass over the sums counts the disparities whose cost is about as low as the best one.
 //!
-//! Cost: about 30 operations per pixel and disparity divided by the vector lanes, for any size of the square. Rows are
+//! Cost: about 25 operations per pixel and disparity divided by the vector lanes, for any size of the square. Rows are
 //! independent once their first sums are computed, so strips of rows may run on several threads with the same result
 //! bit for bit.
 
@@ -25,6 +27,15 @@ use crate::width::Kernel;
 const LANES: usize = 64;
 /// Number of columns behind the padded ones that vectors may read.
 pub(crate) const SPARE: usize = 2 * LANES;
+
+/// Number of disparities that are compared by one number of 16 bits: cost, and place in the group. The number of
+/// disparities is a multiple of it.
+const GROUP: usize = 1 << PLACE_BITS;
+const PLACE_BITS: u32 = 4;
+/// No cost is greater.
+const COST_MAX: u16 = u16::MAX >> PLACE_BITS;
+/// Number of disparities that are counted in one pass over a row.
+const COUNTED: usize = 4;
 
 /// The prefilter's cap, small enough that the differences along one row of a block fit in a byte.
 pub(crate) fn cap(block: usize) -> u8 {
@@ -58,18 +69,26 @@ pub(crate) struct Scratch {
     row: Row,
 }
 
-/// State of each column of one row. Costs are sums over the square.
+/// State of each column of one row.
 #[derive(Clone, Debug, Default)]
 struct Row {
-    best: Vec<u16>,
-    disparity: Vec<u16>,
-    right_best: Vec<u16>,
-    right_disparity: Vec<u16>,
-    /// Best cost at a disparity that is not adjacent to the best one.
-    rival: Vec<u16>,
+    left: Side,
+    right: Side,
+    /// Number of disparities whose cost is at most `limit`, which includes the best one.
+    count: Vec<u16>,
+    limit: Vec<u16>,
     /// Costs at the disparities below and above the best one.
     below: Vec<u16>,
     above: Vec<u16>,
+}
+
+/// The best disparity of each column of one image. Costs are sums over the square.
+#[derive(Clone, Debug, Default)]
+struct Side {
+    best: Vec<u16>,
+    disparity: Vec<u16>,
+    /// The lowest cost of the present group of disparities, times [`GROUP`], plus its place in the group.
+    group: Vec<u16>,
 }
 
 impl Kernel for Rows<'_> {
@@ -95,6 +114,7 @@ impl Rows<'_> {
         let first_column = disparities - 1;
         let columns = width - first_column;
         let n = columns.next_multiple_of(LANES);
+        let whole = columns / LANES * LANES;
         let Scratch { differences, threes, ring, sums, row } = scratch;
         // One more multiple of the lanes, for the columns of the square beyond the last one.
         differences.resize(n + 2 * LANES, 0);
@@ -116,6 +136,9 @@ impl Rows<'_> {
                 row.start(n, width);
             }
             for d in 0..disparities {
+                if complete && d % GROUP == 0 {
+                    row.take_group(d);
+                }
                 absolute_differences(
                     &left[first_column..][..n + LANES],
                     &right[first_column - d..][..n + LANES],
@@ -124,36 +147,30 @@ impl Rows<'_> {
                 sum_threes(differences, threes);
                 let (slot, sums) = (&mut slot[d * n..][..n], &mut sums[d * n..][..n]);
                 if complete {
+                    let place = (d % GROUP) as u16;
+                    let of_left = &mut row.left.group[..n];
+                    let of_right = &mut row.right.group[first_column - d..][..columns];
                     advance_and_compare::<THREES, ONES>(
                         threes,
                         differences,
-                        slot,
-                        sums,
-                        &mut row.best,
-                        &mut row.disparity,
-                        d as u16,
+                        &mut slot[..whole],
+                        &mut sums[..whole],
+                        of_left,
+                        of_right,
+                        place,
                     );
-                    compare(
-                        &sums[..columns],
-                        &mut row.right_best[first_column - d..][..columns],
-                        &mut row.right_disparity[first_column - d..][..columns],
-                        d as u16,
-                    );
+                    // The last stretch has columns that do not exist, which must not count in the right image.
+                    let (threes, differences) = (&threes[whole..], &differences[whole..]);
+                    advance::<THREES, ONES>(threes, differences, &mut slot[whole..], &mut sums[whole..]);
+                    compare(&sums[whole..], &mut of_left[whole..], place);
+                    compare(&sums[whole..columns], &mut of_right[whole..], place);
                 } else {
                     advance::<THREES, ONES>(threes, differences, slot, sums);
                 }
             }
             if complete {
-                for d in 0..disparities {
-                    look_around(
-                        &sums[d * n..][..n],
-                        &row.disparity,
-                        &mut row.rival,
-                        &mut row.below,
-                        &mut row.above,
-                        d as u16,
-                    );
-                }
+                row.take_group(disparities);
+                row.look_around(sums, accept, disparities, columns);
                 let out = &mut out[(step + 1 - side) * width..][..width];
                 let (blind, out) = out.split_at_mut(first_column);
                 blind.fill(NO_DISPARITY);
@@ -163,31 +180,88 @@ impl Rows<'_> {
     }
 }
 
-impl Row {
+impl Side {
     #[inline(always)]
-    fn start(&mut self, n: usize, width: usize) {
-        for costs in [&mut self.best, &mut self.rival, &mut self.below, &mut self.above] {
+    fn start(&mut self, n: usize) {
+        for costs in [&mut self.best, &mut self.group] {
             costs.clear();
             costs.resize(n, u16::MAX);
         }
         self.disparity.resize(n, 0);
-        self.right_best.clear();
-        self.right_best.resize(width, u16::MAX);
-        self.right_disparity.resize(width, 0);
+    }
+
+    /// Takes over the best disparity of the group that begins at `first`.
+    #[inline(always)]
+    fn take_group(&mut self, first: u16) {
+        let n = self.best.len();
+        let (best, disparity) = (&mut self.best[..n], &mut self.disparity[..n]);
+        let group = &mut self.group[..n];
+        for i in 0..n {
+            let cost = group[i] >> PLACE_BITS;
+            let place = group[i] % GROUP as u16;
+            disparity[i] = choose(cost < best[i], first.wrapping_add(place), disparity[i]);
+            best[i] = cost.min(best[i]);
+            group[i] = u16::MAX;
+        }
+    }
+}
+
+impl Row {
+    #[inline(always)]
+    fn start(&mut self, n: usize, width: usize) {
+        self.left.start(n);
+        self.right.start(width);
+        for values in [&mut self.count, &mut self.limit, &mut self.below, &mut self.above] {
+            values.clear();
+            values.resize(n, 0);
+        }
+    }
+
+    /// Takes over the group of disparities that ends before `end`.
+    #[inline(always)]
+    fn take_group(&mut self, end: usize) {
+        if let Some(first) = end.checked_sub(GROUP) {
+            self.left.take_group(first as u16);
+            self.right.take_group(first as u16);
+        }
+    }
+
+    /// Given the best disparities, counts those that are about as good, and finds the costs next to them.
+    #[inline(always)]
+    fn look_around(&mut self, sums: &[u16], accept: Accept, disparities: usize, columns: usize) {
+        let n = self.limit.len();
+        let (best, limit) = (&self.left.best[..n], &mut self.limit[..n]);
+        for i in 0..n {
+            limit[i] = accept.rival_max(best[i]).min(u32::from(COST_MAX)) as u16;
+        }
+        for sums in sums.chunks_exact(COUNTED * n) {
+            count(sums, &self.limit, &mut self.count);
+        }
+        let disparity = &self.left.disparity[..columns];
+        let (below, above) = (&mut self.below[..columns], &mut self.above[..columns]);
+        for i in 0..columns {
+            let d = usize::from(disparity[i]);
+            below[i] = if d > 0 { sums[(d - 1) * n + i] } else { u16::MAX };
+            above[i] = if d + 1 < disparities { sums[(d + 1) * n + i] } else { u16::MAX };
+        }
     }
 
     #[inline(always)]
     fn decide(&self, accept: Accept, disparities: usize, out: &mut [u16]) {
         let n = out.len();
         let first_column = disparities - 1;
-        let (best, disparity, rival) = (&self.best[..n], &self.disparity[..n], &self.rival[..n]);
+        let (best, disparity) = (&self.left.best[..n], &self.left.disparity[..n]);
+        let (count, limit) = (&self.count[..n], &self.limit[..n]);
         let (below, above) = (&self.below[..n], &self.above[..n]);
         for i in 0..n {
-            out[i] = accept.sub_pixel(disparity[i], disparities, [below[i], best[i], above[i]], rival[i]);
+            // The best one and those next to it are no rivals.
+            let adjacent = 1 + u16::from(below[i] <= limit[i]) + u16::from(above[i] <= limit[i]);
+            let costs = [below[i], best[i], above[i]];
+            out[i] = accept.sub_pixel(disparity[i], disparities, costs, count[i] == adjacent);
         }
         for i in 0..n {
             let d = disparity[i];
-            let back = self.right_disparity[first_column + i - d as usize];
+            let back = self.right.disparity[first_column + i - d as usize];
             if d.abs_diff(back) > accept.left_right_max {
                 out[i] = NO_DISPARITY;
             }
@@ -259,75 +333,56 @@ fn advance<const THREES: usize, const ONES: usize>(
     }
 }
 
-/// [`advance`] and [`compare`] in one pass over the sums.
+/// [`advance`] and [`compare`], for both images, in one pass over the sums.
 #[inline(always)]
 fn advance_and_compare<const THREES: usize, const ONES: usize>(
     threes: &[u8],
     ones: &[u8],
     slot: &mut [u8],
     sums: &mut [u16],
-    best: &mut [u16],
-    disparity: &mut [u16],
-    d: u16,
+    left: &mut [u16],
+    right: &mut [u16],
+    place: u16,
 ) {
     for at in stretches(sums.len()) {
         let (threes, ones) = (&threes[at..][..LANES + 3 * THREES], &ones[at..][..LANES + 3 * THREES + ONES]);
         let (slot, sums) = (&mut slot[at..][..LANES], &mut sums[at..][..LANES]);
-        let (best, disparity) = (&mut best[at..][..LANES], &mut disparity[at..][..LANES]);
+        let (left, right) = (&mut left[at..][..LANES], &mut right[at..][..LANES]);
         for i in 0..LANES {
             let new = row_sum::<THREES, ONES>(threes, ones, i);
             let sum = sums[i].wrapping_add(u16::from(new)).wrapping_sub(u16::from(slot[i]));
             slot[i] = new;
             sums[i] = sum;
-            disparity[i] = choose(sum < best[i], d, disparity[i]);
-            best[i] = sum.min(best[i]);
+            let cost_and_place = (sum << PLACE_BITS) | place;
+            left[i] = left[i].min(cost_and_place);
+            right[i] = right[i].min(cost_and_place);
         }
     }
 }
 
-/// Keeps the lower cost and its disparity. Comparing a cost twice changes nothing, so the last lanes may overlap the
-/// previous ones.
+/// Keeps the lower cost and its place in the group.
 #[inline(always)]
-fn compare(sums: &[u16], best: &mut [u16], disparity: &mut [u16], d: u16) {
-    let n = sums.len();
-    if n < LANES {
-        for i in 0..n {
-            disparity[i] = choose(sums[i] < best[i], d, disparity[i]);
-            best[i] = sums[i].min(best[i]);
-        }
-        return;
-    }
-    for at in stretches(n).chain(std::iter::once(n - LANES)) {
-        let sums = &sums[at..][..LANES];
-        let (best, disparity) = (&mut best[at..][..LANES], &mut disparity[at..][..LANES]);
-        for i in 0..LANES {
-            disparity[i] = choose(sums[i] < best[i], d, disparity[i]);
-            best[i] = sums[i].min(best[i]);
-        }
+fn compare(sums: &[u16], best: &mut [u16], place: u16) {
+    for (best, sum) in best.iter_mut().zip(sums) {
+        *best = (*best).min((sum << PLACE_BITS) | place);
     }
 }
 
-/// Given the best disparity, finds the best cost not adjacent to it, and the costs adjacent to it.
+/// Counts the costs of [`COUNTED`] disparities, one after the other in `sums`, that are at most `limit`.
 #[inline(always)]
-fn look_around(
-    sums: &[u16],
-    disparity: &[u16],
-    rival: &mut [u16],
-    below: &mut [u16],
-    above: &mut [u16],
-    d: u16,
-) {
-    for at in stretches(sums.len()) {
-        let (sums, disparity) = (&sums[at..][..LANES], &disparity[at..][..LANES]);
-        let (rival, below) = (&mut rival[at..][..LANES], &mut below[at..][..LANES]);
-        let above = &mut above[at..][..LANES];
+fn count(sums: &[u16], limit: &[u16], count: &mut [u16]) {
+    let n = limit.len();
+    let (a, sums) = sums.split_at(n);
+    let (b, sums) = sums.split_at(n);
+    let (c, d) = sums.split_at(n);
+    for at in stretches(n) {
+        let (a, b, c, d) = (&a[at..][..LANES], &b[at..][..LANES], &c[at..][..LANES], &d[at..][..LANES]);
+        let (limit, count) = (&limit[at..][..LANES], &mut count[at..][..LANES]);
         for i in 0..LANES {
-            // 0 is one below the best disparity, 1 is the best, 2 is one above.
-            let place = (d + 1).wrapping_sub(disparity[i]);
-            let sum = sums[i];
-            rival[i] = rival[i].min(choose(place > 2, sum, u16::MAX));
-            below[i] = choose(place == 0, sum, below[i]);
-            above[i] = choose(place == 2, sum, above[i]);
+            // Costs fit in 12 bits, and signed numbers are compared by one instruction.
+            let is_low = |sum: u16| u16::from(sum as i16 <= limit[i] as i16);
+            let low = [a[i], b[i], c[i], d[i]].map(is_low);
+            count[i] = low.into_iter().fold(count[i], u16::wrapping_add);
         }
     }
 }

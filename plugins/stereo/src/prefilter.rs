@@ -136,8 +136,10 @@ fn smooth_row(column: &[u16], out: &mut [i16]) {
     let n = out.len();
     let column = &column[..n + 4];
     for i in 0..n {
-        // At most 16 · 16 · 255, which is less than 2¹⁶.
-        let sum = column[i] + column[i + 4] + 4 * (column[i + 1] + column[i + 3]) + 6 * column[i + 2];
+        // At most 16 · 16 · 255, which is less than 2¹⁶. Sums that are checked for overflow cannot be computed in vectors.
+        let outer = column[i].wrapping_add(column[i + 4]);
+        let inner = column[i + 1].wrapping_add(column[i + 3]);
+        let sum = outer.wrapping_add(inner << 2).wrapping_add(column[i + 2].wrapping_mul(6));
         out[i] = (sum >> 4) as i16;
     }
 }
@@ -147,8 +149,10 @@ fn laplacian(above: &[i16], here: &[i16], below: &[i16], cap: i16, out: &mut [u8
     let n = out.len();
     let (above, here, below) = (&above[..n + 2], &here[..n + 2], &below[..n + 2]);
     for i in 0..n {
-        let around = above[i + 1] + below[i + 1] + here[i] + here[i + 2];
-        let value = (4 * here[i + 1] - around) >> SHIFT;
+        // Less than 2¹⁵, because smoothed grey levels fit in 12 bits.
+        let across = above[i + 1].wrapping_add(below[i + 1]);
+        let around = across.wrapping_add(here[i]).wrapping_add(here[i + 2]);
+        let value = (here[i + 1] << 2).wrapping_sub(around) >> SHIFT;
         out[i] = (value.clamp(-cap, cap) + cap) as u8;
     }
 }

@@ -202,7 +202,8 @@ impl Scratch {
             let at = usize::from(d);
             let below = sums[at.saturating_sub(1)];
             let above = sums[(at + 1).min(disparities - 1)];
-            out[x] = accept.sub_pixel(d, disparities, [below, best, above], rival);
+            let is_unique = u32::from(rival) > accept.rival_max(best);
+            out[x] = accept.sub_pixel(d, disparities, [below, best, above], is_unique);
             self.disparity[x] = d;
             let right = first_column + x - at;
             if best < self.right_best[right] {
