@@ -16,8 +16,10 @@ pub struct Drive {
     pub track_m: Option<f64>,
     /// Largest curvature of an Ackermann vehicle, 1/m.
     pub max_curvature_per_m: f64,
-    /// Maximum speed of each wheel, m/s.
+    /// Maximum speed of the vehicle, m/s.
     pub max_speed_mps: f64,
+    /// Maximum speed of each wheel of a differential drive, m/s.
+    pub max_wheel_speed_mps: f64,
     /// Maximum acceleration, m/s².
     pub max_acceleration_mps2: f64,
     /// Maximum deceleration, m/s².
@@ -122,14 +124,15 @@ impl Ramps {
         let turn = yaw_rate_radps.clamp(-limit, limit) - self.yaw_rate_radps;
         self.yaw_rate_radps += turn.clamp(-change, change);
         match drive.track_m {
-            Some(track_m) => self.differential(track_m, drive.max_speed_mps),
+            Some(track_m) => self.differential(track_m, drive.max_wheel_speed_mps),
             None => self.steered(aim, yaw_rate_radps, drive),
         }
     }
 
-    fn differential(&self, track_m: f64, max_speed_mps: f64) -> Wheels {
-        let half = (self.yaw_rate_radps * track_m / 2.0).clamp(-max_speed_mps, max_speed_mps);
-        let room = max_speed_mps - half.abs();
+    fn differential(&self, track_m: f64, max_wheel_speed_mps: f64) -> Wheels {
+        let limit = max_wheel_speed_mps;
+        let half = (self.yaw_rate_radps * track_m / 2.0).clamp(-limit, limit);
+        let room = limit - half.abs();
         let speed = self.speed_mps.clamp(-room, room);
         Wheels { left_mps: speed - half, right_mps: speed + half, curvature_per_m: 0.0 }
     }
@@ -180,6 +183,7 @@ mod tests {
         track_m: Some(0.6),
         max_curvature_per_m: 0.188,
         max_speed_mps: 1.3,
+        max_wheel_speed_mps: 1.5,
         max_acceleration_mps2: 1.0,
         max_deceleration_mps2: 2.0,
         stop_deceleration_mps2: 4.0,
@@ -238,11 +242,16 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_at_full_speed_slows_the_vehicle_and_keeps_the_turn() {
-        let aim = Aim::Rate { speed_mps: 1.3, yaw_rate_radps: 1.0 };
-        let wheels = run(&mut Ramps::default(), aim, &DIFFERENTIAL, 200);
-        assert_eq!(wheels.right_mps, 1.3);
-        assert!((wheels.right_mps - wheels.left_mps - 0.6).abs() < 1e-9);
+    fn a_turn_at_full_speed_slows_the_vehicle_only_where_a_wheel_would_be_too_fast_and_keeps_the_turn() {
+        let turn = |yaw_rate_radps| {
+            let aim = Aim::Rate { speed_mps: 1.3, yaw_rate_radps };
+            run(&mut Ramps::default(), aim, &DIFFERENTIAL, 200)
+        };
+        let wide = turn(0.5);
+        assert!((wide.right_mps - 1.45).abs() < 1e-9 && (wide.left_mps - 1.15).abs() < 1e-9, "{wide:?}");
+        let tight = turn(1.0);
+        assert_eq!(tight.right_mps, 1.5);
+        assert!((tight.right_mps - tight.left_mps - 0.6).abs() < 1e-9, "{tight:?}");
     }
 
     #[test]
@@ -274,7 +283,9 @@ mod tests {
                     _ => Aim::Stop,
                 };
                 let wheels = ramps.step(aim, &DIFFERENTIAL, DT_S);
-                prop_assert!(wheels.left_mps.abs() <= 1.3 + 1e-12 && wheels.right_mps.abs() <= 1.3 + 1e-12);
+                let middle_mps = 0.5 * (wheels.left_mps + wheels.right_mps);
+                prop_assert!(wheels.left_mps.abs() <= 1.5 + 1e-12 && wheels.right_mps.abs() <= 1.5 + 1e-12);
+                prop_assert!(middle_mps.abs() <= 1.3 + 1e-12);
                 let speed = ramps.speed_mps;
                 prop_assert!((speed - before).abs() <= 4.0 * DT_S + 1e-12);
                 prop_assert!(speed.abs() - f64::abs(before) <= DT_S + 1e-12, "faster than the acceleration");

@@ -396,6 +396,7 @@ fn drive(params: &VehicleInterfaceParams) -> Drive {
         track_m: is_differential.then_some(params.track_m),
         max_curvature_per_m: params.max_curvature_per_m,
         max_speed_mps: params.max_speed_mps,
+        max_wheel_speed_mps: params.max_wheel_speed_mps.max(params.max_speed_mps),
         max_acceleration_mps2: params.max_acceleration_mps2,
         max_deceleration_mps2: params.max_deceleration_mps2,
         stop_deceleration_mps2: params.stop_deceleration_mps2,
