@@ -14,6 +14,7 @@ use rcs_sense::pose_message;
 pub(crate) struct Style {
     max_speed_mps: f64,
     min_speed_mps: f64,
+    backward_speed_mps: f64,
     max_yaw_rate_radps: f64,
     /// Turn rate of the actions REVERSE and SHAKE.
     mode_yaw_rate_radps: f64,
@@ -30,6 +31,7 @@ impl Style {
         Style {
             max_speed_mps,
             min_speed_mps: min_speed_mps.min(max_speed_mps),
+            backward_speed_mps: params.backward_speed_mps.min(max_speed_mps),
             max_yaw_rate_radps: params.max_yaw_rate_radps,
             mode_yaw_rate_radps: mode
                 .map_or(0.0, |mode| mode.yaw_rate_radps.abs())
@@ -48,13 +50,16 @@ pub(crate) fn speeds(chosen: &Scored, style: &Style) -> [f64; 2] {
     match motion {
         Motion::TurnLeft => [0.0, turn],
         Motion::TurnRight => [0.0, -turn],
-        Motion::Backward => [-least, curvature_per_m * -least],
-        Motion::Forward => {
+        Motion::Forward | Motion::Backward => {
+            let (side, limit_mps) = match motion {
+                Motion::Backward => (-1.0, style.backward_speed_mps),
+                _ => (1.0, style.max_speed_mps),
+            };
             let braking_m = (chosen.free_m - style.stop_margin_m).max(0.0);
             let stops = libm::sqrt(2.0 * style.braking_mps2 * braking_m);
             let bends = turn / curvature_per_m.abs().max(1e-6);
-            let slowed = style.max_speed_mps * (1.0 - style.cost_slowdown * chosen.mean_cost);
-            let speed_mps = slowed.min(stops).min(bends).max(least.min(bends));
+            let slowed = limit_mps * (1.0 - style.cost_slowdown * chosen.mean_cost);
+            let speed_mps = side * slowed.min(stops).min(bends).max(least.min(bends));
             [speed_mps, curvature_per_m * speed_mps]
         }
     }
@@ -169,5 +174,38 @@ pub(crate) fn arc_rules(params: &WaypointFollowerParams, mode: Option<&Mode>) ->
             change: params.weight_change,
             short: params.weight_short,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn speeds_of(motion: Motion, curvature_per_m: f64, free_m: f64) -> [f64; 2] {
+        let params = WaypointFollowerParams {
+            max_speed_mps: 1.1,
+            min_speed_mps: 0.25,
+            backward_speed_mps: 0.5,
+            max_yaw_rate_radps: 0.9,
+            braking_mps2: 0.5,
+            stop_margin_m: 0.3,
+            ..WaypointFollowerParams::default()
+        };
+        let arc = Arc { motion, curvature_per_m };
+        let chosen = Scored { arc, free_m, mean_cost: 0.0, terms: [0.0; 6], open: true };
+        speeds(&chosen, &Style::new(&params, None))
+    }
+
+    #[test]
+    fn ahead_and_back_the_vehicle_can_stop_on_what_is_free() {
+        assert_eq!(speeds_of(Motion::Forward, 0.0, 3.0), [1.1, 0.0]);
+        assert_eq!(speeds_of(Motion::Backward, 0.0, 1.0), [-0.5, -0.0]);
+        assert_eq!(speeds_of(Motion::Backward, 0.8, 1.0), [-0.5, -0.4]);
+        // 0.1 m to brake with 0.5 m/s²; then as slowly as it drives at all.
+        for (motion, side) in [(Motion::Forward, 1.0), (Motion::Backward, -1.0)] {
+            let [speed_mps, _] = speeds_of(motion, 0.0, 0.4);
+            assert!((speed_mps - side * libm::sqrt(0.1)).abs() < 1e-9, "{motion:?}: {speed_mps}");
+            assert_eq!(speeds_of(motion, 0.0, 0.2)[0], side * 0.25, "{motion:?}");
+        }
     }
 }
