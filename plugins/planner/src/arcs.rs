@@ -6,7 +6,8 @@
 //!
 //! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
 //! until its length, or until the vehicle's middle gets into a blocked cell; in a tight bend, in which it swings out by more
-//! than half a cell, its tail, too. Its score is a sum of terms, and the lowest one wins:
+//! than half a cell, its tail, too. Along a turn on the spot the tail swings until the vehicle faces the target. The score
+//! of an arc is a sum of terms, and the lowest one wins:
 //!
 //! | term | what |
 //! | --- | --- |
@@ -22,6 +23,7 @@
 use crate::costs::{BLOCKED, CostGrid, MAX_COST};
 use crate::terrain::Sensed;
 use rcs_geom::{DVec2, Pose, wrap_angle};
+use std::f64::consts::TAU;
 
 /// How the vehicle moves along an arc.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,8 +110,10 @@ impl Scored {
 
 /// Distance between the places of an arc that are looked up, m.
 const SAMPLE_M: f64 = 0.1;
-/// Angle by which a turn on the spot is looked ahead, rad.
+/// Angle by which a turn on the spot is looked ahead, rad: at least this much must be free.
 const TURN_RAD: f64 = 0.8;
+/// Angle between the headings of a turn that are looked up, rad.
+const TURN_SAMPLE_RAD: f64 = 0.2;
 /// A vehicle that faces its target as nearly as this does not turn on the spot, rad: where the way ahead is blocked, it
 /// would turn past the target and all around.
 const FACING_RAD: f64 = 0.15;
@@ -201,7 +205,7 @@ impl Scene<'_> {
         let faces = self.off(start).abs() < FACING_RAD;
         let open =
             if on_the_spot { free_m > 0.0 && !faces } else { free_m >= rules.least_free_m.min(length_m) };
-        let lacks = if on_the_spot { 0.0 } else { 1.0 - free_m / length_m };
+        let lacks = if on_the_spot { 1.0 - free_m } else { 1.0 - free_m / length_m };
         let terms = [
             weights.goal * (rules.length_m.min(away_m) - gained_m),
             weights.heading * off_rad,
@@ -216,9 +220,13 @@ impl Scene<'_> {
 
     /// Angle by which a turn on the spot turns: to the target, but no farther than is looked ahead.
     fn turns_by(&self, start: (DVec2, f64), arc: Arc) -> f64 {
+        self.wanted(start, arc).clamp(0.0, TURN_RAD)
+    }
+
+    /// Angle of a turn on the spot to the target, rad; negative if the other side is nearer.
+    fn wanted(&self, start: (DVec2, f64), arc: Arc) -> f64 {
         let off = self.off(start);
-        let wanted = if arc.motion == Motion::TurnLeft { off } else { -off };
-        wanted.clamp(0.0, TURN_RAD)
+        if arc.motion == Motion::TurnLeft { off } else { -off }
     }
 
     /// Direction of the target from a pose, to the left of its heading, rad.
@@ -260,17 +268,25 @@ impl Scene<'_> {
         if is_out { (length_m, sum / f64::from(samples)) } else { (0.0, 1.0) }
     }
 
-    /// 1 if the tail can swing, else 0; and the mean cost under it.
+    /// Share of a turn to the target by which the tail can swing, 0 if that is not even what is looked ahead; and the mean
+    /// cost under it.
     fn turned(&self, start: (DVec2, f64), arc: Arc, rules: &Rules) -> (f64, f64) {
+        let wanted = self.wanted(start, arc);
+        let whole = if wanted < 0.0 { wanted + TAU } else { wanted }.max(TURN_RAD);
+        let samples = (whole / TURN_SAMPLE_RAD).round() as u32;
+        let least = (TURN_RAD / TURN_SAMPLE_RAD).round() as u32;
         let mut sum = 0.0;
-        for part in 1..=4 {
-            let cost = self.cost(tail(pose_at(start, arc, TURN_RAD * f64::from(part) / 4.0), rules));
+        for sample in 1..=samples {
+            let angle = TURN_SAMPLE_RAD * f64::from(sample);
+            let cost = self.cost(tail(pose_at(start, arc, angle), rules));
             if cost == BLOCKED {
-                return (0.0, 1.0);
+                let before = sample - 1;
+                let share = f64::from(before) / f64::from(samples);
+                return if before < least { (0.0, 1.0) } else { (share, sum / f64::from(before)) };
             }
             sum += f64::from(cost) / f64::from(MAX_COST);
         }
-        (1.0, sum / 4.0)
+        (1.0, sum / f64::from(samples))
     }
 
     /// Cost at a position; blocked outside of the map.

@@ -31,11 +31,15 @@ fn scene(cost: impl Fn(DVec2) -> u8) -> (Sensed, CostGrid) {
 }
 
 fn chosen(cost: impl Fn(DVec2) -> u8, yaw_rad: f64, target: DVec2) -> Option<Scored> {
+    chosen_by(&RULES, cost, yaw_rad, target)
+}
+
+fn chosen_by(rules: &Rules, cost: impl Fn(DVec2) -> u8, yaw_rad: f64, target: DVec2) -> Option<Scored> {
     let (sensed, costs) = scene(cost);
     let vehicle = Pose::from_xy_yaw(0.0, 0.0, yaw_rad);
     let scene =
         Scene { sensed: &sensed, costs: &costs, vehicle: &vehicle, target, before_per_m: 0.0, turning: None };
-    let scored: Vec<Scored> = list(&RULES).into_iter().map(|arc| scene.score(arc, &RULES)).collect();
+    let scored: Vec<Scored> = list(rules).into_iter().map(|arc| scene.score(arc, rules)).collect();
     best(&scored).map(|at| scored[at])
 }
 
@@ -65,6 +69,20 @@ fn where_there_is_no_room_for_a_bend_it_turns_on_the_spot_to_a_target_behind_it(
     assert_eq!(arc.motion, Motion::TurnLeft);
     let arc = chosen(|_| 10, 0.0, DVec2::new(-4.0, 0.5)).unwrap().arc;
     assert!(arc.motion == Motion::Forward && arc.curvature_per_m > 1.0, "{arc:?}");
+}
+
+#[test]
+fn where_its_tail_cannot_swing_around_it_drives_back_and_does_not_begin_a_turn() {
+    // Walls 0.5 m to either side.
+    let strip = |at: DVec2| if at.y.abs() > 0.5 { BLOCKED } else { 10 };
+    let motion = |tail_m: f64, cost: &dyn Fn(DVec2) -> u8| {
+        chosen_by(&Rules { tail_m, ..RULES }, cost, 0.0, DVec2::new(-4.0, 0.1)).unwrap().arc.motion
+    };
+    assert_eq!(motion(0.65, &strip), Motion::Backward);
+    assert_eq!(motion(0.45, &strip), Motion::TurnLeft);
+    // Where it cannot drive back either, it turns as far as it can.
+    let pocket = |at: DVec2| if at.x < -0.9 || at.x > 0.3 { BLOCKED } else { strip(at) };
+    assert_eq!(motion(0.65, &pocket), Motion::TurnLeft);
 }
 
 #[test]
