@@ -19,7 +19,7 @@
 #![allow(clippy::too_many_arguments, reason = "slices passed one by one are known not to overlap")]
 
 use crate::NO_DISPARITY;
-use crate::checks::Accept;
+use crate::checks::{Accept, sub_pixel};
 use crate::prefilter::Filtered;
 use crate::width::Kernel;
 
@@ -257,7 +257,7 @@ impl Row {
             // The best one and those next to it are no rivals.
             let adjacent = 1 + u16::from(below[i] <= limit[i]) + u16::from(above[i] <= limit[i]);
             let costs = [below[i], best[i], above[i]];
-            out[i] = accept.sub_pixel(disparity[i], disparities, costs, count[i] == adjacent);
+            out[i] = sub_pixel(disparity[i], disparities, costs, count[i] == adjacent);
         }
         for i in 0..n {
             let d = disparity[i];

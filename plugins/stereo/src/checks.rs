@@ -23,26 +23,20 @@ impl Accept {
         // At most twice the cost. A product that is checked for overflow cannot be computed in vectors.
         u32::from(best).wrapping_mul(100 + u32::from(self.uniqueness_pct)) / 100
     }
+}
 
-    /// The disparity in 1/16 pixel, or [`NO_DISPARITY`] where a rival is nearly as good. Absolute differences form a V
-    /// around the minimum: lines of equal slope through the three costs meet at its tip. At either end of the range a
-    /// neighbour is missing, and the whole pixel is used.
-    #[inline(always)]
-    pub(crate) fn sub_pixel(
-        self,
-        d: u16,
-        disparities: usize,
-        [below, best, above]: [u16; 3],
-        is_unique: bool,
-    ) -> u16 {
-        let inside = d > 0 && usize::from(d) + 1 < disparities;
-        let steep = i32::from(below.max(above)) - i32::from(best);
-        let lean = (i32::from(below) - i32::from(above)) as f32 * 8.0 / steep.max(1) as f32;
-        // Between −8 and 8 steps; the operand is positive, so that the truncation rounds to the nearest.
-        let fraction = if inside { ((lean + 8.5) as i32).wrapping_sub(8) } else { 0 };
-        let disparity = (i32::from(d) * i32::from(STEPS_PER_PIXEL)).wrapping_add(fraction) as u16;
-        if is_unique { disparity } else { NO_DISPARITY }
-    }
+/// The disparity in 1/16 pixel, or [`NO_DISPARITY`] where a rival is nearly as good. Absolute differences form a V around
+/// the minimum: lines of equal slope through the three costs meet at its tip. At either end of the range a neighbour is
+/// missing, and the whole pixel is used.
+#[inline(always)]
+pub(crate) fn sub_pixel(d: u16, disparities: usize, [below, best, above]: [u16; 3], is_unique: bool) -> u16 {
+    let inside = d > 0 && usize::from(d) + 1 < disparities;
+    let steep = i32::from(below.max(above)) - i32::from(best);
+    let lean = (i32::from(below) - i32::from(above)) as f32 * 8.0 / steep.max(1) as f32;
+    // Between −8 and 8 steps; the operand is positive, so that the truncation rounds to the nearest.
+    let fraction = if inside { ((lean + 8.5) as i32).wrapping_sub(8) } else { 0 };
+    let disparity = (i32::from(d) * i32::from(STEPS_PER_PIXEL)).wrapping_add(fraction) as u16;
+    if is_unique { disparity } else { NO_DISPARITY }
 }
 
 /// Removes small connected patches. Works on runs of a row rather than on pixels, because there are far fewer.

@@ -15,7 +15,7 @@
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
 
-use crate::checks::Accept;
+use crate::checks::{Accept, sub_pixel};
 use crate::prefilter::Filtered;
 use crate::width::Kernel;
 
@@ -203,7 +203,7 @@ impl Scratch {
             let below = sums[at.saturating_sub(1)];
             let above = sums[(at + 1).min(disparities - 1)];
             let is_unique = u32::from(rival) > accept.rival_max(best);
-            out[x] = accept.sub_pixel(d, disparities, [below, best, above], is_unique);
+            out[x] = sub_pixel(d, disparities, [below, best, above], is_unique);
             self.disparity[x] = d;
             let right = first_column + x - at;
             if best < self.right_best[right] {
