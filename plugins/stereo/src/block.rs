@@ -136,9 +136,6 @@ impl Rows<'_> {
                 row.start(n, width);
             }
             for d in 0..disparities {
-                if complete && d % GROUP == 0 {
-                    row.take_group(d);
-                }
                 absolute_differences(
                     &left[first_column..][..n + LANES],
                     &right[first_column - d..][..n + LANES],
@@ -164,12 +161,15 @@ impl Rows<'_> {
                     advance::<THREES, ONES>(threes, differences, &mut slot[whole..], &mut sums[whole..]);
                     compare(&sums[whole..], &mut of_left[whole..], place);
                     compare(&sums[whole..columns], &mut of_right[whole..], place);
+                    if (d + 1) % GROUP == 0 {
+                        row.left.take_group((d + 1 - GROUP) as u16);
+                        row.right.take_group((d + 1 - GROUP) as u16);
+                    }
                 } else {
                     advance::<THREES, ONES>(threes, differences, slot, sums);
                 }
             }
             if complete {
-                row.take_group(disparities);
                 row.look_around(sums, accept, disparities, columns);
                 let out = &mut out[(step + 1 - side) * width..][..width];
                 let (blind, out) = out.split_at_mut(first_column);
@@ -211,18 +211,9 @@ impl Row {
     fn start(&mut self, n: usize, width: usize) {
         self.left.start(n);
         self.right.start(width);
+        self.count.clear();
         for values in [&mut self.count, &mut self.limit, &mut self.below, &mut self.above] {
-            values.clear();
             values.resize(n, 0);
-        }
-    }
-
-    /// Takes over the group of disparities that ends before `end`.
-    #[inline(always)]
-    fn take_group(&mut self, end: usize) {
-        if let Some(first) = end.checked_sub(GROUP) {
-            self.left.take_group(first as u16);
-            self.right.take_group(first as u16);
         }
     }
 

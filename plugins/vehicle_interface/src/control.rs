@@ -129,10 +129,9 @@ impl Ramps {
         }
     }
 
-    fn differential(&self, track_m: f64, max_wheel_speed_mps: f64) -> Wheels {
-        let limit = max_wheel_speed_mps;
-        let half = (self.yaw_rate_radps * track_m / 2.0).clamp(-limit, limit);
-        let room = limit - half.abs();
+    fn differential(&self, track_m: f64, limit_mps: f64) -> Wheels {
+        let half = (self.yaw_rate_radps * track_m / 2.0).clamp(-limit_mps, limit_mps);
+        let room = limit_mps - half.abs();
         let speed = self.speed_mps.clamp(-room, room);
         Wheels { left_mps: speed - half, right_mps: speed + half, curvature_per_m: 0.0 }
     }
