@@ -13,6 +13,7 @@ use crate::engine::Known;
 use crate::gate::plane_height;
 use crate::hidden::Screens;
 use crate::image::{HEIGHT, WIDTH};
+use crate::posts::{View, joined, posts};
 use crate::upright::{Foot, Pixels, Shape, feet};
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
@@ -90,7 +91,8 @@ impl<'a> Ground<'a> {
             let slope =
                 |ray: &DVec3| -ray.dot(up_in_camera) / ray.reject_from_normalized(up_in_camera).length();
             let slopes: Vec<f64> = place.rays.iter().map(slope).collect();
-            let pixels = Pixels { pure: &known.pure, blended: &known.blended, slopes: &slopes };
+            let Known { pure, blended, posts: of_posts } = known;
+            let pixels = Pixels { pure, blended, posts: of_posts, slopes: &slopes };
             let is_hidden = |column: usize, foot: &Foot| {
                 let ray = place.rays[foot.row * WIDTH + column];
                 let at = camera + turn * ray * (above_m / -ray.dot(up_in_camera));
@@ -98,11 +100,17 @@ impl<'a> Ground<'a> {
                     screens.hides(camera, at) || screens.towers_over(camera, at, shape.height_m)
                 })
             };
-            let mut feet = feet(&pixels, &shape, above_m);
-            for (column, foot) in feet.iter_mut().enumerate() {
-                *foot = foot.filter(|foot| !is_hidden(column, foot));
+            let seen = |feet: Vec<Option<Foot>>| -> Vec<Option<Foot>> {
+                let with_column = feet.into_iter().enumerate();
+                with_column.map(|(column, foot)| foot.filter(|foot| !is_hidden(column, foot))).collect()
+            };
+            let feet = seen(feet(&pixels, &shape, above_m));
+            if shape.span_m == 0.0 {
+                return feet;
             }
-            feet
+            let view = View { rays: place.rays, up: up_in_camera, above_m };
+            let posts = joined(&seen(posts(&pixels, &shape, above_m)), &view, shape.span_m);
+            std::iter::zip(feet, posts).map(|(foot, post)| Foot::lower(foot, post)).collect()
         });
         let feet = feet.unwrap_or_default();
         let mut costs = Cow::Borrowed(costs);
@@ -270,8 +278,8 @@ mod tests {
             local_from_vehicle: &local_from_vehicle,
             below_m: 0.0,
         };
-        let known = Known { blended: known.clone(), pure: known };
-        let shape = Shape { height_m: 0.95, least_share: 0.6 };
+        let known = Known { blended: known.clone(), posts: vec![0; PIXELS], pure: known };
+        let shape = Shape { height_m: 0.95, least_share: 0.6, span_m: 2.5 };
         let known = Standing { known: &known, shape, screens };
         CostMap::new(&Ground::with_known(&costs, Some(&known), place), 0.2, 10.0)
     }

@@ -8,6 +8,7 @@ use crate::fusion::{Counts, Fused, count};
 use crate::histogram::{Histogram, Span, bin};
 use crate::image::{Image, reduce};
 use crate::models::{Learned, Models, Settings};
+use crate::{mesh, posts};
 use rand_core::RngCore;
 use rcs_msg::Stamp;
 use rcs_sense::{Rgb, SAMPLE_PX, Sample};
@@ -27,8 +28,9 @@ pub struct Engine {
     fused: Fused,
     last_image: Option<Stamp>,
     last_learned: Option<Stamp>,
-    /// [`Models::blended_obstacles`], and when they were blended.
+    /// [`Models::blended_obstacles`] in any light, those that posts have, and when they were blended.
     blended: Vec<u8>,
+    posts: Vec<u8>,
     blended_at: Option<Stamp>,
 }
 
@@ -82,6 +84,8 @@ pub struct Known {
     pub pure: Vec<u8>,
     /// By this colour or a blend of it and the ground.
     pub blended: Vec<u8>,
+    /// By this colour or a blend that the posts of a fence have ([`crate::posts`]).
+    pub posts: Vec<u8>,
 }
 
 impl Engine {
@@ -145,12 +149,15 @@ impl Engine {
             if !self.models.obstacles.is_empty() {
                 let is_old = |at: Stamp| time.0.abs_diff(at.0) >= BLEND_PERIOD_NS;
                 if self.blended_at.is_none_or(is_old) || seen.learned == Some(Learned::Added) {
-                    self.blended = self.models.blended_obstacles(settings.known_least_cover);
+                    let blended =
+                        |least_cover, lights: &[f32]| self.models.blended_obstacles(least_cover, lights);
+                    self.blended = blended(settings.known_least_cover, &mesh::ANY_LIGHT);
+                    self.posts = blended(posts::LEAST_COVER, &mesh::FULL_LIGHT);
                     self.blended_at = Some(time);
                 }
                 let of = |table: &[u8]| reduced.iter().map(|&[red, green]| table[bin(red, green)]).collect();
-                seen.known =
-                    Some(Known { pure: of(&self.models.known_obstacles()), blended: of(&self.blended) });
+                let pure = of(&self.models.known_obstacles());
+                seen.known = Some(Known { pure, blended: of(&self.blended), posts: of(&self.posts) });
             }
             seen.counts = count(&costs);
             seen.costs = Some(costs);

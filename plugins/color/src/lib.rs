@@ -35,7 +35,7 @@
 //! - [`image`]: reduction to 128×96 pixels. [`fusion`]: `P_ground`, temporal fusion, cost.
 //! - [`region`]: the trapezoid of the ground sample, and the horizon. [`cost_map`]: costs on the ground plane.
 //! - [`mesh`]: the colours of known obstacles that the ground is seen through. [`upright`]: where known obstacles stand.
-//!   [`hidden`]: what stands in front of them.
+//!   [`posts`](mod@posts): the posts of a fence, and what is between them. [`hidden`]: what stands in front of them.
 //! - [`gate`]: when ground is not learned. [`file`](mod@file): conversion of models to messages and files.
 //!
 //! Cost: 2 ms for 640×480 on one thread (`benches/color.rs`); linear in the pixels of the image. With known obstacles
@@ -80,6 +80,7 @@ pub mod mesh;
 pub mod models;
 mod output;
 mod ports;
+pub mod posts;
 mod process;
 pub mod region;
 mod settings;

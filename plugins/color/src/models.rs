@@ -260,7 +260,7 @@ impl Models {
     /// How likely a colour is a blend of a known obstacle and the ground behind it, for each bin: `N / (N + N_g)`, 0 to
     /// 255, with the counts N of the blends ([`mesh::blended`]) and the largest `N_g`. The background does not count,
     /// because the background of a fence is often the fence itself. Empty without known obstacles.
-    pub fn blended_obstacles(&self, least_cover: f64) -> Vec<u8> {
+    pub fn blended_obstacles(&self, least_cover: f64, lights: &[f32]) -> Vec<u8> {
         let Some((first, others)) = self.obstacles.split_first() else { return Vec::new() };
         let mut obstacle = first.histogram.clone();
         (1..).zip(others).for_each(|(uses, model)| obstacle.merge(&model.histogram, uses));
@@ -269,7 +269,7 @@ impl Models {
             std::iter::zip(most, counts).for_each(|(most, &count)| *most = most.max(count));
         };
         for model in &self.ground {
-            raise(&mut blend, &mesh::blended(&obstacle, &model.histogram, least_cover));
+            raise(&mut blend, &mesh::blended(&obstacle, &model.histogram, least_cover, lights));
             raise(&mut ground, model.histogram.counts());
         }
         let least = LEAST_PART * obstacle.sum();

@@ -1,4 +1,5 @@
 use crate::histogram::{Histogram, bin};
+use crate::mesh::ANY_LIGHT;
 use crate::models::{Learned, Model, Models, Settings};
 use rcs_msg::Stamp;
 
@@ -167,9 +168,9 @@ fn blends_of_a_known_obstacle_and_the_ground_are_likely_whatever_the_background_
     let model =
         |histogram| Model { name: String::new(), histogram, uses: 1, updated: Stamp(0), sample: None };
     let mut models = Models { ground: vec![model(plain(60))], ..Models::default() };
-    assert!(models.blended_obstacles(0.25).is_empty(), "no obstacle is known");
+    assert!(models.blended_obstacles(0.25, &ANY_LIGHT).is_empty(), "no obstacle is known");
     models.obstacles.push(model(plain(220)));
-    let likely = |models: &Models, red| models.blended_obstacles(0.25)[bin(red, 0)];
+    let likely = |models: &Models, red| models.blended_obstacles(0.25, &ANY_LIGHT)[bin(red, 0)];
     for (red, likelihood) in [(60, 0), (101, 255), (220, 255), (250, 0)] {
         assert_eq!(likely(&models, red), likelihood, "{red}");
     }

@@ -29,7 +29,11 @@ pub(crate) fn send_costs(
 ) -> [u32; 2] {
     let Some(costs) = &seen.costs else { return [0; 2] };
     let time = image.acq_time();
-    let shape = Shape { height_m: params.known_height_m, least_share: params.known_least_share };
+    let shape = Shape {
+        height_m: params.known_height_m,
+        least_share: params.known_least_share,
+        span_m: params.known_span_m,
+    };
     let known = seen.known.as_ref().map(|known| Standing { known, shape, screens });
     let ground = Ground::with_known(costs, known.as_ref(), *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);

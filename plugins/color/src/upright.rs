@@ -18,12 +18,12 @@ const MAY_BE: u8 = 80;
 /// Rows without the obstacle's colour that it may have between others.
 const GAP_ROWS: usize = 2;
 /// Rows below a foot that show something else, but for a quarter of them.
-const BELOW_ROWS: usize = 4;
+pub(crate) const BELOW_ROWS: usize = 4;
 /// An obstacle has its colour in each of so many equal parts of its height: with a look at the whole alone, a patch of
 /// soil nearby would do.
 const PARTS: usize = 3;
 /// Least number of rows between foot and top, so that each part has two.
-const LEAST_ROWS: usize = 2 * PARTS;
+pub(crate) const LEAST_ROWS: usize = 2 * PARTS;
 
 /// What shows a known obstacle, for the pixels of the reduced image in row order.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +32,8 @@ pub struct Pixels<'a> {
     pub pure: &'a [u8],
     /// How likely it has this colour or a blend of it and the ground, 0 to 255.
     pub blended: &'a [u8],
+    /// How likely it has this colour or a blend that posts have, 0 to 255.
+    pub posts: &'a [u8],
     /// Tangent of the angle of its ray below the horizontal; negative above, NaN where there is no ray.
     pub slopes: &'a [f64],
 }
@@ -43,6 +45,8 @@ pub struct Shape {
     pub height_m: f64,
     /// Least share of the rows of each part of the height that have the obstacle's colour or a blend.
     pub least_share: f64,
+    /// Posts of a fence stand at most this far apart, m; 0 if there are none.
+    pub span_m: f64,
 }
 
 /// The lowest pixel of a known obstacle in a column.
@@ -54,16 +58,35 @@ pub struct Foot {
     pub backing: u8,
 }
 
+impl Shape {
+    /// Height as a part of that of the camera. Seen from a camera of height h, the point z above a foot has the slope
+    /// (1 - z / h) times that of the foot.
+    pub(crate) fn top(&self, camera_m: f64) -> f64 {
+        (self.height_m / camera_m).min(1.0)
+    }
+}
+
 /// The foot of a known obstacle in each column of the reduced image of a camera `camera_m` (m) above the ground plane.
 pub fn feet(pixels: &Pixels<'_>, shape: &Shape, camera_m: f64) -> Vec<Option<Foot>> {
-    // Seen from a camera of height h, the point z above a foot has the slope (1 - z / h) times that of the foot.
-    let top = (shape.height_m / camera_m).min(1.0);
+    let top = shape.top(camera_m);
     let foot = |column: usize| {
         let column = Column { pixels, column };
-        let feet = column.by_height(top, shape.least_share).into_iter().chain(column.by_colour());
-        feet.reduce(|a, b| Foot { row: a.row.max(b.row), backing: a.backing.max(b.backing) })
+        Foot::lower(column.by_height(top, shape.least_share), column.by_colour())
     };
     (0..WIDTH).map(foot).collect()
+}
+
+impl Foot {
+    /// A foot above which this share of the pixels is known.
+    pub(crate) fn of(row: usize, share: f64) -> Foot {
+        Foot { row, backing: ((255.0 * share) as u8).max(KNOWN) }
+    }
+
+    /// The lower of two feet of a column, as sure as the surer one.
+    pub(crate) fn lower(a: Option<Foot>, b: Option<Foot>) -> Option<Foot> {
+        let both = |a: Foot, b: Foot| Foot { row: a.row.max(b.row), backing: a.backing.max(b.backing) };
+        a.into_iter().chain(b).reduce(both)
+    }
 }
 
 struct Column<'a> {
@@ -99,8 +122,8 @@ impl Column<'_> {
     fn by_height(&self, top: f64, least_share: f64) -> Option<Foot> {
         let mut rows = (LEAST_ROWS..HEIGHT - BELOW_ROWS).rev().filter(|&row| self.is_foot(row));
         rows.find_map(|row| {
-            let share = self.share(row, top)?;
-            (share >= least_share).then(|| Foot { row, backing: ((255.0 * share) as u8).max(KNOWN) })
+            let share = share(row, top, |row| self.slope(row), |row| self.is_known(row))?;
+            (share >= least_share).then(|| Foot::of(row, share))
         })
     }
 
@@ -109,30 +132,36 @@ impl Column<'_> {
         let below = (row + 1..=row + BELOW_ROWS).filter(|&row| self.is_known(row)).count();
         self.is_known(row) && self.slope(row) > 0.0 && below <= BELOW_ROWS / 4
     }
+}
 
-    /// The least share of known pixels in a part of the height of an obstacle that stands in this row; `None` where it
-    /// has too few rows, or a gap.
-    fn share(&self, foot: usize, top: f64) -> Option<f64> {
-        let (mut least, mut row, mut gap) = (1.0_f64, foot, 0);
-        for part in 1..=PARTS {
-            let end = self.slope(foot) * (1.0 - top * part as f64 / PARTS as f64);
-            let (mut rows, mut known) = (0, 0);
-            while row > 0 && self.slope(row) >= end {
-                let is_known = self.is_known(row);
-                gap = if is_known { 0 } else { gap + 1 };
-                if gap > GAP_ROWS {
-                    return None;
-                }
-                rows += 1;
-                known += u32::from(is_known);
-                row -= 1;
+/// The least share of known pixels in a part of the height of an obstacle that stands in this row, where `top` is its
+/// height as a part of that of the camera; `None` where it has too few rows, or a gap. `slope` and `is_known` are asked
+/// for one row after the other, from the foot up.
+pub(crate) fn share(
+    foot: usize,
+    top: f64,
+    slope: impl Fn(usize) -> f64,
+    mut is_known: impl FnMut(usize) -> bool,
+) -> Option<f64> {
+    let (mut least, mut row, mut gap) = (1.0_f64, foot, 0);
+    for part in 1..=PARTS {
+        let end = slope(foot) * (1.0 - top * part as f64 / PARTS as f64);
+        let (mut rows, mut known) = (0, 0);
+        while row > 0 && slope(row) >= end {
+            let is_known = is_known(row);
+            gap = if is_known { 0 } else { gap + 1 };
+            if gap > GAP_ROWS {
+                return None;
             }
-            if rows > 0 {
-                least = least.min(f64::from(known) / f64::from(rows));
-            }
+            rows += 1;
+            known += u32::from(is_known);
+            row -= 1;
         }
-        (foot - row >= LEAST_ROWS).then_some(least)
+        if rows > 0 {
+            least = least.min(f64::from(known) / f64::from(rows));
+        }
     }
+    (foot - row >= LEAST_ROWS).then_some(least)
 }
 
 #[cfg(test)]
@@ -140,7 +169,7 @@ mod tests {
     use super::*;
 
     const CAMERA_M: f64 = 1.0;
-    const SHAPE: Shape = Shape { height_m: 1.0, least_share: 0.6 };
+    const SHAPE: Shape = Shape { height_m: 1.0, least_share: 0.6, span_m: 0.0 };
     /// The horizon.
     const LEVEL: usize = 26;
 
@@ -158,7 +187,8 @@ mod tests {
             (0..HEIGHT * WIDTH).map(|at| if is(at / WIDTH, at % WIDTH) { 200 } else { 0 }).collect()
         };
         let slopes: Vec<f64> = (0..HEIGHT * WIDTH).map(|at| slope(at / WIDTH)).collect();
-        feet(&Pixels { pure: &of(&is_pure), blended: &of(&is_blend), slopes: &slopes }, shape, CAMERA_M)
+        let (pure, blended) = (of(&is_pure), of(&is_blend));
+        feet(&Pixels { pure: &pure, blended: &blended, posts: &[], slopes: &slopes }, shape, CAMERA_M)
     }
 
     fn none(_: usize, _: usize) -> bool {
@@ -214,7 +244,8 @@ mod tests {
     fn pixels_without_a_ray_are_no_foot() {
         let slopes = vec![f64::NAN; HEIGHT * WIDTH];
         let blended = vec![200; HEIGHT * WIDTH];
-        let pixels = Pixels { pure: &vec![0; HEIGHT * WIDTH], blended: &blended, slopes: &slopes };
+        let pure = vec![0; HEIGHT * WIDTH];
+        let pixels = Pixels { pure: &pure, blended: &blended, posts: &[], slopes: &slopes };
         assert!(feet(&pixels, &SHAPE, CAMERA_M).iter().all(Option::is_none));
     }
 }
