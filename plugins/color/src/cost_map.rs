@@ -5,9 +5,10 @@
 //! covers several cells but its ray meets only one of them; a cell without a pixel of its own takes the cost of the
 //! pixel into which its centre projects. Cells beyond the range stay unknown, because the plane does not hold there.
 //!
-//! In each column of the image the foot of a known obstacle ([`crate::upright`]) says where it is, and the pixels above
-//! say nothing; where something in front of the foot hides it, or something higher stands there ([`crate::hidden`]), there
-//! is none. A cell with a foot has the highest cost, and a backing: how sure it is that it is the known obstacle.
+//! In each column of the image the foot of a known obstacle ([`crate::upright`], [`crate::posts`]) says where it is, and
+//! the pixels above say nothing; where something in front of the foot hides it, or something higher stands there
+//! ([`crate::hidden`]), there is none. A cell with a foot has the highest cost, and a backing: how sure it is that it is
+//! the known obstacle.
 
 use crate::engine::Known;
 use crate::gate::plane_height;

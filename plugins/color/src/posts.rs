@@ -93,9 +93,9 @@ pub fn joined(posts: &[Option<Foot>], view: &View<'_>, span_m: f64) -> Vec<Optio
                 continue;
             }
             let backing = left_foot.backing.min(right_foot.backing);
-            for column in left + 1..right {
+            for (column, between) in feet.iter_mut().enumerate().take(right).skip(left + 1) {
                 if let Some(row) = view.row_of_line([left_place, right_place], column) {
-                    feet[column] = Foot::lower(feet[column], Some(Foot { row, backing }));
+                    *between = Foot::lower(*between, Some(Foot { row, backing }));
                 }
             }
         }
