@@ -48,7 +48,7 @@ fn color_models(criterion: &mut Criterion) {
     let images: Vec<Vec<u8>> = (0..8).map(scene).collect();
     let settings = Settings::default();
     let fence = parse(include_str!("../assets/models/orange_fence.json")).expect("sound models");
-    let shape = Shape { height_m: 0.95, least_share: 0.6 };
+    let shape = Shape { height_m: 0.95, least_share: 0.6, span_m: 2.5 };
 
     let mut group = criterion.benchmark_group("color/whole_model");
     group.throughput(Throughput::Elements((SIZE[0] * SIZE[1]) as u64));
