@@ -94,9 +94,9 @@ impl<'a> Ground<'a> {
             let slopes: Vec<f64> = place.rays.iter().map(slope).collect();
             let Known { pure, blended, posts: of_posts } = known;
             let pixels = Pixels { pure, blended, posts: of_posts, slopes: &slopes };
+            let view = View { rays: place.rays, up: up_in_camera, above_m };
             let is_hidden = |column: usize, foot: &Foot| {
-                let ray = place.rays[foot.row * WIDTH + column];
-                let at = camera + turn * ray * (above_m / -ray.dot(up_in_camera));
+                let at = camera + turn * view.place(foot.row, column);
                 screens.is_some_and(|screens| {
                     screens.hides(camera, at) || screens.towers_over(camera, at, shape.height_m)
                 })
@@ -109,7 +109,6 @@ impl<'a> Ground<'a> {
             if shape.span_m == 0.0 {
                 return feet;
             }
-            let view = View { rays: place.rays, up: up_in_camera, above_m };
             let posts = joined(&seen(posts(&pixels, &shape, above_m)), &view, shape.span_m);
             std::iter::zip(feet, posts).map(|(foot, post)| Foot::lower(foot, post)).collect()
         });

@@ -29,7 +29,7 @@ pub struct View<'a> {
 
 impl View<'_> {
     /// Place on the ground that a pixel shows, m in the frame of the camera.
-    fn place(&self, row: usize, column: usize) -> DVec3 {
+    pub(crate) fn place(&self, row: usize, column: usize) -> DVec3 {
         let ray = self.rays[row * WIDTH + column];
         ray * (self.above_m / -ray.dot(self.up))
     }
