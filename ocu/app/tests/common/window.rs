@@ -83,10 +83,12 @@ pub(crate) fn frame(harness: &Harness<'_, State>) -> Option<Arc<Frame>> {
     harness.state().as_ref()?.frame()
 }
 
-/// Runs passes until the frame satisfies a condition, because the source's thread has its own clock.
+/// Runs passes until the frame satisfies a condition, because the source's thread has its own clock. The last pass may
+/// have seen an older frame than the one that satisfies it; so one more pass sees that frame, or a newer one.
 #[track_caller]
 pub(crate) fn wait_until(harness: &mut Harness<'_, State>, what: &str, is: impl Fn(&Frame) -> bool) {
     wait_for(harness, what, |harness| frame(harness).is_some_and(|frame| is(&frame)));
+    harness.step();
 }
 
 /// Runs passes until the window satisfies a condition.
