@@ -103,8 +103,9 @@ fn judged(mut run: Stepped, seconds: f64, without: &[Source]) -> (Report, Vec<Re
 
 /// A map fused without a source. Its message names no sources, so that only the fused map is judged.
 fn fused_without(message: &AnyMessage, source: Source) -> AnyMessage {
-    let mut map = message.source::<MapMessage>().unwrap().clone();
-    map.options.weights = map.options.weights.with(source, 0.0);
-    map.options.sources = Sources::default();
-    map.into_message()
+    let map = message.source::<MapMessage>().unwrap().clone();
+    let mut options = map.options().clone();
+    options.weights = options.weights.with(source, 0.0);
+    options.sources = Sources::default();
+    map.with_options(options).into_message()
 }

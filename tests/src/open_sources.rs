@@ -72,12 +72,12 @@ fn a_stack_adds_a_source_without_a_change_of_the_world_model() {
     let run = run(STACK, &cost_map(radar, 240)).unwrap();
     let latest = run.bus().get("/wm1/map").unwrap().latest().unwrap();
     let map = latest.message.source::<MapMessage>().unwrap();
-    let centre = map.map.grid().centre();
-    let said = map.map.evidence(radar, centre);
+    let centre = map.map().grid().centre();
+    let said = map.map().evidence(radar, centre);
     // 0.92 of a full vote: 240 is 115 from the border of the classes, the highest cost 125.
     assert_eq!((said.cost, said.confidence), (240, 83), "its own rule of confidence");
     // Stereo has 42 after three votes: (42 · 40 + 0.25 · 83 · 240) / (42 + 0.25 · 83)
-    assert_eq!(map.map.fused(centre, &map.options.weights).cost, 106);
+    assert_eq!(map.map().fused(centre, &map.options().weights).cost, 106);
     let view = GridView::of(&latest.message).unwrap();
     assert_eq!(view.field("cost.radar").unwrap().get(100, 100), Some(240.0));
     assert_eq!(view.field("cost").unwrap().get(100, 100), Some(106.0));

@@ -37,12 +37,7 @@ fn drive() -> Vec<MapMessage> {
         }
         let sources = [rcs_world::Source::STEREO].into_iter().collect();
         let options = MapOptions { sources, heights: true, weights: Weights::default() };
-        maps.push(MapMessage {
-            map: map.clone(),
-            frame_id: "local".into(),
-            time: time_of(sequence),
-            options,
-        });
+        maps.push(MapMessage::new(map.clone(), "local", time_of(sequence), options));
     }
     maps
 }

@@ -250,8 +250,11 @@ impl HeightStats {
     pub(crate) fn rounded(self) -> HeightStats {
         let height = |value: f32| {
             let small = value.abs() < ROUNDED_BELOW_M;
-            // The sum makes a negative zero positive, since a number of steps has no negative zero.
-            if small { (value * HEIGHTS_PER_M).round() / HEIGHTS_PER_M + 0.0 } else { value }
+            // Rounds as `f32::round`, without a call of the library: the sum is exact in f64. A number of steps has no
+            // negative zero.
+            let steps = f64::from(value * HEIGHTS_PER_M);
+            let steps = (steps + 0.5_f64.copysign(steps)) as i32 as f32;
+            if small { steps / HEIGHTS_PER_M } else { value }
         };
         HeightStats {
             count: self.count,

@@ -3,7 +3,7 @@
 use rcs_geom::CellIndex;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 
-use crate::{Cell, Evidence, Fused, HeightStats, Map, MapOptions, Source};
+use crate::{Cell, Evidence, Fused, HeightStats, MapMessage, MapOptions, Source};
 
 /// Parts of the statistics of heights, in the order of the message.
 pub(crate) const HEIGHT_PARTS: [&str; 5] = ["mean", "variance", "min", "max", "count"];
@@ -74,7 +74,8 @@ pub(crate) fn columns(options: &MapOptions) -> Vec<(String, NumericType, Column)
 
 impl Column {
     /// The number of a cell as it is in the message; `None` outside of the map.
-    pub(crate) fn at(self, map: &Map, options: &MapOptions, index: CellIndex) -> Option<f64> {
+    pub(crate) fn at(self, message: &MapMessage, index: CellIndex) -> Option<f64> {
+        let (map, options) = (message.map(), message.options());
         let cell = map.grid().get(index)?;
         Some(match self.source() {
             Some(source) => self.of_evidence(map.evidence(source, index)),
@@ -84,7 +85,8 @@ impl Column {
     }
 
     /// Calls `visit` with the number of each cell by rows.
-    pub(crate) fn each(self, map: &Map, options: &MapOptions, mut visit: impl FnMut(f64)) {
+    pub(crate) fn each(self, message: &MapMessage, mut visit: impl FnMut(f64)) {
+        let (map, options) = (message.map(), message.options());
         let side = map.grid().side();
         match self.source() {
             Some(source) => match map.layer(source) {
@@ -95,6 +97,9 @@ impl Column {
                 }),
                 None => (0..side * side).for_each(|_| visit(self.of_evidence(Evidence::NONE))),
             },
+            None if self == Column::FusedCost => {
+                message.costs().iter().for_each(|&cost| visit(f64::from(cost)));
+            }
             None if self.is_fused() => {
                 map.for_each_fused(&options.weights, |_, fused| visit(self.of_fused(&fused, options)));
             }

@@ -84,14 +84,14 @@ impl DeltaEncoder for Encoder {
 
 /// Whether a delta can express the change: the shape is the same, and everything stored before is still stored.
 fn follows(before: &MapMessage, after: &MapMessage) -> bool {
-    let shape = |message: &MapMessage| (message.map.side(), message.map.grid().cell_size_m());
+    let shape = |message: &MapMessage| (message.map().side(), message.map().grid().cell_size_m());
     shape(before) == shape(after)
-        && before.options.heights == after.options.heights
-        && before.options.sources.iter().all(|source| after.options.sources.contains(source))
+        && before.options().heights == after.options().heights
+        && before.options().sources.iter().all(|source| after.options().sources.contains(source))
 }
 
 fn difference(last: &Last, message: &MapMessage) -> MapDelta {
-    let (before, after) = (&last.message.map, &message.map);
+    let (before, after) = (last.message.map(), message.map());
     let (mut tiles, mut cells, mut changed) = (Vec::new(), Vec::new(), Vec::new());
     for tile in written_tiles(before, message) {
         let mask = changed_cells(before, message, tile);
@@ -101,7 +101,7 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
             changed.extend((0..TILE * TILE).filter(|at| mask >> at & 1 == 1).map(|at| (tile, at)));
         }
     }
-    let columns = stored_columns(&message.options).filter_map(|(name, column)| {
+    let columns = stored_columns(message.options()).filter_map(|(name, column)| {
         let mut values = Vec::with_capacity(changed.len());
         let mut before_it = 0;
         for &place in &changed {
@@ -119,16 +119,16 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
     let columns = columns.collect();
     let centre = after.grid().centre();
     MapDelta {
-        timestamp: Some(message.time.to_proto()),
-        frame_id: message.frame_id.to_string(),
+        timestamp: Some(message.time().to_proto()),
+        frame_id: message.frame_id().to_string(),
         key_sequence: last.key_sequence,
         base_sequence: last.sequence,
         centre_x: centre.x,
         centre_y: centre.y,
-        heights: message.options.heights,
-        sources: message.options.sources.iter().map(|source| source.name().to_owned()).collect(),
-        weights: message.options.weights.iter().map(stored_weight).collect(),
-        least_evidence: message.options.weights.least_evidence,
+        heights: message.options().heights,
+        sources: message.options().sources.iter().map(|source| source.name().to_owned()).collect(),
+        weights: message.options().weights.iter().map(stored_weight).collect(),
+        least_evidence: message.options().weights.least_evidence,
         tiles,
         cells,
         columns,
@@ -137,10 +137,10 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
 
 /// Tiles that are not shared with the previous map, in any of its grids.
 fn written_tiles(before: &Map, after: &MapMessage) -> std::collections::BTreeSet<usize> {
-    let map = &after.map;
+    let map = after.map();
     let mut tiles: std::collections::BTreeSet<usize> =
         map.grid().tiles_written_since(before.grid()).collect();
-    for source in after.options.sources.iter() {
+    for source in after.options().sources.iter() {
         match (before.layer(source), map.layer(source)) {
             (Some(before), Some(layer)) => tiles.extend(layer.tiles_written_since(before)),
             (None, None) => {}
@@ -152,11 +152,11 @@ fn written_tiles(before: &Map, after: &MapMessage) -> std::collections::BTreeSet
 
 /// The cells of a tile that differ, one bit per cell.
 fn changed_cells(before: &Map, after: &MapMessage, tile: usize) -> u64 {
-    let map = &after.map;
+    let map = after.map();
     let differ = |mask: u64, (at, differs): (usize, bool)| mask | u64::from(differs) << at;
     let pairs = before.grid().tile(tile).iter().zip(map.grid().tile(tile));
     let mut mask = pairs.map(|(old, new)| old != new).enumerate().fold(0, differ);
-    for source in after.options.sources.iter() {
+    for source in after.options().sources.iter() {
         let said = |map: &Map, at| evidence(map, source, (tile, at));
         let changed = (0..TILE * TILE).map(|at| said(before, at) != said(map, at));
         mask = changed.enumerate().fold(mask, differ);
@@ -212,7 +212,7 @@ impl DeltaDecoder for Decoder {
             ));
         }
         let base = match &held.what {
-            What::Map(message) => message.map.clone(),
+            What::Map(message) => message.map().clone(),
             What::Grid(grid) => {
                 let grid: Grid = grid.to().ok_or("the key frame does not decode")?;
                 Map::from_grid(&grid).map_err(|error| format!("key frame {}: {error}", held.key_sequence))?
@@ -286,7 +286,7 @@ fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
         }
     }
     let time = delta.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
-    Ok(MapMessage { map, frame_id: delta.frame_id.as_str().into(), time, options })
+    Ok(MapMessage::new(map, delta.frame_id.as_str(), time, options))
 }
 
 fn stored_weight(entry: Weighted) -> MapWeight {

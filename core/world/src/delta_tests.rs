@@ -52,7 +52,7 @@ impl Drive {
         }
         let weights = Weights::default().with(Source::TERRAIN, self.below(3) as f32);
         let options = MapOptions { sources: self.sources.clone(), heights: true, weights };
-        MapMessage { map: self.map.clone(), frame_id: "local".into(), time, options }
+        MapMessage::new(self.map.clone(), "local", time, options)
     }
 }
 
@@ -67,7 +67,7 @@ fn recorded(seed: u64, count: usize) -> Vec<Entry> {
     let (mut drive, mut encoder) = (Drive::new(seed), MAP_CODEC.encoder());
     let entries = (0..count).map(|_| {
         let whole = drive.next();
-        let stored = encoder.encode(drive.sequence, whole.time, &whole.clone().into_message());
+        let stored = encoder.encode(drive.sequence, whole.time(), &whole.clone().into_message());
         Entry { sequence: drive.sequence, stored, whole }
     });
     entries.collect()
@@ -163,12 +163,13 @@ fn a_delta_holds_only_what_changed() {
     let mut drive = Drive::new(3);
     let first = drive.next();
     let mut encoder = MAP_CODEC.encoder();
-    assert_eq!(encoder.encode(1, first.time, &first.clone().into_message()), Stored::Whole);
-    let mut second = first.clone();
-    let cell = second.map.grid().centre();
+    assert_eq!(encoder.encode(1, first.time(), &first.clone().into_message()), Stored::Whole);
+    let mut map = first.map().clone();
+    let cell = map.grid().centre();
     let rule = VoteRule::default();
-    assert!(second.map.vote(cell, Source::STEREO, 250, 7, first.time, rule));
-    let Stored::Delta(bytes) = encoder.encode(2, first.time.after_ns(1), &second.into_message()) else {
+    assert!(map.vote(cell, Source::STEREO, 250, 7, first.time(), rule));
+    let second = MapMessage::new(map, "local", first.time(), first.options().clone());
+    let Stored::Delta(bytes) = encoder.encode(2, first.time().after_ns(1), &second.into_message()) else {
         panic!("expected a delta");
     };
     let delta = AnyMessage::decode::<MapDelta>(bytes.clone()).unwrap().to::<MapDelta>().unwrap();
@@ -188,10 +189,9 @@ fn key_frames_come_every_ten_seconds_and_after_what_was_lost_or_does_not_follow(
     assert!(is_whole(&first, 0));
     assert!(!is_whole(&first, KEY_FRAME_NS - 1));
     assert!(is_whole(&first, KEY_FRAME_NS));
-    let plain =
-        MapMessage { options: MapOptions { heights: false, ..first.options.clone() }, ..first.clone() };
+    let plain = first.clone().with_options(MapOptions { heights: false, ..first.options().clone() });
     assert!(is_whole(&plain, KEY_FRAME_NS + 1));
-    let other = MapMessage { map: Map::new(0.6).unwrap(), ..plain.clone() };
+    let other = MapMessage::new(Map::new(0.6).unwrap(), "local", plain.time(), plain.options().clone());
     assert!(is_whole(&other, KEY_FRAME_NS + 2));
     assert!(!is_whole(&other, KEY_FRAME_NS + 3));
     encoder.lost();

@@ -42,7 +42,7 @@ fn drive() -> Experience {
             weights: weights(),
         };
         let time = Stamp(time_s * 1_000_000_000);
-        let message = MapMessage { map: map.clone(), frame_id: "local".into(), time, options };
+        let message = MapMessage::new(map.clone(), "local", time, options);
         experience.take(&GridView::of_map(&message), time).unwrap();
     };
     vote(&mut map, Source::STEREO, 0, 1, &free);
@@ -108,7 +108,7 @@ fn a_split_keeps_every_sample_and_an_earlier_map_begins_anew() {
     let map = Map::with_side(61, 0.2).unwrap();
     let options =
         MapOptions { sources: [Source::STEREO].into_iter().collect(), heights: false, weights: weights() };
-    let message = MapMessage { map, frame_id: "local".into(), time: Stamp(0), options };
+    let message = MapMessage::new(map, "local", Stamp(0), options);
     experience.take(&GridView::of_map(&message), Stamp(0)).unwrap();
     assert_eq!((experience.earlier.len(), experience.samples()), (1, &samples));
     experience.keep_newest(7);

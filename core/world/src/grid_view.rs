@@ -179,14 +179,14 @@ impl<'a> GridView<'a> {
 
     /// A view of one of our maps, with the fields that its message would have; no message is made.
     pub fn of_map(message: &'a MapMessage) -> GridView<'a> {
-        let MapMessage { map, frame_id, options, .. } = message;
+        let (map, options) = (message.map(), message.options());
         let corner = map.grid().origin();
         let fields = columns(options).into_iter();
         GridView {
             columns: map.side(),
             rows: map.side(),
             cell_size_m: DVec2::splat(map.grid().cell_size_m()),
-            frame_id,
+            frame_id: message.frame_id(),
             frame_from_grid: Pose { translation: DVec3::new(corner.x, corner.y, 0.0), ..Pose::IDENTITY },
             fields: fields
                 .map(|(name, kind, column)| (name.into(), FieldLocation::Column(column), kind))
@@ -293,9 +293,9 @@ impl Field<'_> {
             (&Cells::Bytes { row_stride, cell_stride, data }, FieldLocation::Offset(offset)) => {
                 self.read(data.get(row * row_stride + column * cell_stride + offset..)?)
             }
-            (Cells::Map(MapMessage { map, options, .. }), FieldLocation::Column(number)) => {
-                let cell = map.grid().bounds().south_west.offset(column as i64, row as i64);
-                number.at(map, options, cell)
+            (Cells::Map(message), FieldLocation::Column(number)) => {
+                let cell = message.map().grid().bounds().south_west.offset(column as i64, row as i64);
+                number.at(message, cell)
             }
             _ => None,
         }
@@ -309,9 +309,9 @@ impl Field<'_> {
                 let number = |cell: &[u8]| cell.get(offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN);
                 self.grid.bytes().map(number).collect()
             }
-            (Cells::Map(MapMessage { map, options, .. }), FieldLocation::Column(number)) => {
+            (Cells::Map(message), FieldLocation::Column(number)) => {
                 let mut numbers = Vec::with_capacity(self.grid.columns * self.grid.rows);
-                number.each(map, options, |value| numbers.push(value));
+                number.each(message, |value| numbers.push(value));
                 numbers
             }
             _ => Vec::new(),
@@ -331,8 +331,11 @@ impl Field<'_> {
             (Cells::Bytes { .. }, FieldLocation::Offset(offset)) => {
                 bytes.extend(self.grid.bytes().map(|cell| cell.get(offset).copied().unwrap_or_default()));
             }
-            (Cells::Map(MapMessage { map, options, .. }), FieldLocation::Column(number)) => {
-                number.each(map, options, |value| bytes.push(value as u8));
+            (Cells::Map(message), FieldLocation::Column(Column::FusedCost)) => {
+                bytes.extend_from_slice(message.costs());
+            }
+            (Cells::Map(message), FieldLocation::Column(number)) => {
+                number.each(message, |value| bytes.push(value as u8));
             }
             _ => {}
         }
@@ -360,7 +363,7 @@ pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) ->
     costs.clear();
     costs.reserve(view.columns * view.rows);
     if let Cells::Map(message) = view.cells {
-        message.map.for_each_fused(weights, |_, fused| costs.push(fused.cost));
+        message.map().for_each_fused(weights, |_, fused| costs.push(fused.cost));
         return Ok(());
     }
     let mut places = Vec::new();

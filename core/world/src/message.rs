@@ -1,28 +1,77 @@
 //! A published map: the map itself, which is converted to a `foxglove.Grid` only for readers that do not know its type.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rcs_msg::foxglove::Grid;
 use rcs_msg::{AnyMessage, DeferredSource, Stamp};
 
 use crate::{Map, MapOptions};
 
-/// A published map. A clone shares its tiles. Converting it to a `foxglove.Grid` writes all 40 401 cells, so that is
+/// A published map. A clone shares its tiles, and the fused costs if they have been computed. Converting it to a `foxglove.Grid` writes all 40 401 cells, so that is
 /// left to the readers that need the message. The message, also through [`GridView`](crate::GridView), states heights
 /// rounded to 1/1024 m and variances to eight binary digits; the cells of the map have them exactly.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct MapMessage {
-    /// The cells.
-    pub map: Map,
-    /// Frame of the map.
-    pub frame_id: Arc<str>,
-    /// Time of the map.
-    pub time: Stamp,
-    /// Content of its message, including every source that has voted, and the weights of the fused cost.
-    pub options: MapOptions,
+    map: Map,
+    frame_id: Arc<str>,
+    time: Stamp,
+    options: MapOptions,
+    /// Follow from the map and the options.
+    costs: OnceLock<Arc<[u8]>>,
+}
+
+impl PartialEq for MapMessage {
+    fn eq(&self, other: &MapMessage) -> bool {
+        self.frame_id == other.frame_id
+            && self.time == other.time
+            && self.options == other.options
+            && self.map == other.map
+    }
 }
 
 impl MapMessage {
+    /// A map in a frame at a time. The options are the content of its message: they include every source that has voted,
+    /// and the weights of the fused cost.
+    pub fn new(map: Map, frame_id: impl Into<Arc<str>>, time: Stamp, options: MapOptions) -> MapMessage {
+        MapMessage { map, frame_id: frame_id.into(), time, options, costs: OnceLock::new() }
+    }
+
+    /// The same map with another content of its message.
+    #[must_use]
+    pub fn with_options(self, options: MapOptions) -> MapMessage {
+        MapMessage::new(self.map, self.frame_id, self.time, options)
+    }
+
+    /// The cells.
+    pub fn map(&self) -> &Map {
+        &self.map
+    }
+
+    /// Frame of the map.
+    pub fn frame_id(&self) -> &str {
+        &self.frame_id
+    }
+
+    /// Time of the map.
+    pub fn time(&self) -> Stamp {
+        self.time
+    }
+
+    /// Content of its message.
+    pub fn options(&self) -> &MapOptions {
+        &self.options
+    }
+
+    /// The fused cost of each cell, by rows from the south, west to east: 0 to 250, or 255 for unknown. Computed when it
+    /// is read first, and then shared by all readers.
+    pub fn costs(&self) -> &[u8] {
+        self.costs.get_or_init(|| {
+            let mut costs = Vec::with_capacity(self.map.side() * self.map.side());
+            self.map.for_each_fused(&self.options.weights, |_, fused| costs.push(fused.cost));
+            costs.into()
+        })
+    }
+
     /// A message for a buffer of `foxglove.Grid`.
     pub fn into_message(self) -> AnyMessage {
         AnyMessage::deferred::<MapMessage, Grid>(self)
@@ -41,6 +90,7 @@ impl DeferredSource<Grid> for MapMessage {
     }
 
     fn size_hint(&self) -> usize {
-        size_of_val(self) + self.map.share_of_memory()
+        let costs = self.costs.get().map_or(0, |costs| costs.len());
+        size_of_val(self) + self.map.share_of_memory() + costs
     }
 }

@@ -331,18 +331,11 @@ impl WorldModel {
         let sources = order.filter(|&source| Some(source) == first || self.seen.contains(source));
         let sources: Sources = sources.chain(self.seen.iter()).collect();
         let options = MapOptions { sources, heights: true, weights };
-        let (mut known, mut obstacle) = (0, 0);
-        self.map.for_each_fused(&options.weights, |_, fused| match fused.label {
-            Label::Unknown => {}
-            Label::Ground => known += 1,
-            Label::Obstacle => {
-                known += 1;
-                obstacle += 1;
-            }
-        });
         let acq_time = if self.changed == Stamp(0) { now } else { self.changed };
-        let frame_id = extrinsics(params).frames.local.into();
-        let map = MapMessage { map: self.map.clone(), frame_id, time: now, options };
+        let map = MapMessage::new(self.map.clone(), extrinsics(params).frames.local, now, options);
+        let labels = || map.costs().iter().map(|&cost| Label::of_cost(cost));
+        let known = labels().filter(|label| *label != Label::Unknown).count() as u64;
+        let obstacle = labels().filter(|label| *label == Label::Obstacle).count() as u64;
         cx.write_deferred(&ports.map, acq_time, map);
         if let Some(pose) = vehicle {
             let vehicle = PoseInFrame {

@@ -10,7 +10,7 @@ use rcs_world::{GridView, MapMessage, Weights, fuse_grid};
 /// Frame of a grid, valid or not; `None` for other messages.
 pub(super) fn frame_of(message: &AnyMessage) -> Option<&str> {
     match message.source::<MapMessage>() {
-        Some(map) => Some(&map.frame_id),
+        Some(map) => Some(map.frame_id()),
         None => Some(&message.get::<Grid>()?.frame_id),
     }
 }
@@ -26,7 +26,7 @@ pub(super) struct Extent {
 impl Extent {
     /// `None` for a grid that is not valid.
     pub(super) fn of(message: &AnyMessage) -> Option<Self> {
-        let Some(MapMessage { map, .. }) = message.source::<MapMessage>() else {
+        let Some(map) = message.source::<MapMessage>().map(MapMessage::map) else {
             let cells = Cells::new(message).ok()?;
             return Some(Self { cell_m: cells.0.cell_size_m().x, corners: cells.corners() });
         };
@@ -220,7 +220,7 @@ mod tests {
         }
         let weights = Weights::default();
         let options = rcs_world::MapOptions { sources: map.sources(), heights: false, weights };
-        let map = MapMessage { map, frame_id: "local".into(), time: rcs_msg::Stamp(1), options };
+        let map = MapMessage::new(map, "local", rcs_msg::Stamp(1), options);
         // Once as published by a process, and once as stored in a log.
         let grid = AnyMessage::new(Grid::from(map.clone()));
         for message in [map.into_message(), grid] {

@@ -141,7 +141,7 @@ fn take(
             let map = message.source::<MapMessage>();
             let stored = if map.is_some() { None } else { message.to::<Grid>() };
             let stamp = stored.as_ref().and_then(|grid| Stamp::from_proto(grid.timestamp.as_ref()?));
-            let time = map.map(|map| map.time).or(stamp).unwrap_or(time);
+            let time = map.map(MapMessage::time).or(stamp).unwrap_or(time);
             let view = stored.as_ref().map_or_else(|| GridView::of(message), GridView::new);
             judge.take_map(time, &view.map_err(|error| EvalError::nothing(error.to_string()))?)?;
         }
