@@ -196,9 +196,9 @@ impl Scratch {
             let cost = &self.costs[x * disparities..][..disparities];
             step::<LANES>(cost, &self.before, 0, &mut self.now, 0);
             let sums = &mut self.sums[x * disparities..][..disparities];
-            add_path::<LANES>(&self.now.costs[1..=disparities], sums);
-            let best = least_sum(sums);
-            let (d, rival) = place_and_rival(sums, best);
+            let best = add_path(&self.now.costs[1..=disparities], sums);
+            let d = place_of(sums, best);
+            let rival = rival_of(sums, d);
             let at = usize::from(d);
             let below = sums[at.saturating_sub(1)];
             let above = sums[(at + 1).min(disparities - 1)];
@@ -317,40 +317,79 @@ fn sum_paths<const LANES: usize>(a: &[u8], b: &[u8], c: &[u8], d: &[u8], out: &m
     }
 }
 
-/// Adds the last path.
+/// Lanes of a vector of sums; they divide the number of disparities.
+const SUMS: usize = 16;
+
+/// Adds the last path; returns the least sum.
 #[inline(always)]
-fn add_path<const LANES: usize>(path: &[u8], sums: &mut [u16]) {
-    for (sums, path) in sums.chunks_exact_mut(LANES).zip(path.chunks_exact(LANES)) {
-        for i in 0..LANES {
-            sums[i] = sums[i].wrapping_add(u16::from(path[i]));
+fn add_path(path: &[u8], sums: &mut [u16]) -> u16 {
+    let mut least = [u16::MAX; SUMS];
+    for (sums, path) in sums.chunks_exact_mut(SUMS).zip(path.chunks_exact(SUMS)) {
+        // Apart, because for all that the compiler knows, `sums` and `path` overlap.
+        let mut total = [0; SUMS];
+        for i in 0..SUMS {
+            total[i] = sums[i].wrapping_add(u16::from(path[i]));
+        }
+        for i in 0..SUMS {
+            least[i] = least[i].min(total[i]);
+        }
+        sums.copy_from_slice(&total);
+    }
+    least_sum(&least)
+}
+
+/// The first disparity with this sum.
+#[inline(always)]
+fn place_of(sums: &[u16], sum: u16) -> u16 {
+    let mut least = [u16::MAX; SUMS];
+    let mut places = counted_from(0);
+    for sums in sums.chunks_exact(SUMS) {
+        for i in 0..SUMS {
+            least[i] = least[i].min(places[i] | u16::from(sums[i] != sum).wrapping_neg());
+            places[i] = places[i].wrapping_add(SUMS as u16);
         }
     }
+    least_sum(&least)
 }
 
-// Plain loops, which the compiler turns into vectors and one reduction; of lanes in an array it makes scalar comparisons.
+/// The least sum that is not adjacent to a disparity.
 #[inline(always)]
-fn least_sum(sums: &[u16]) -> u16 {
+fn rival_of(sums: &[u16], place: u16) -> u16 {
+    let mut least = [u16::MAX; SUMS];
+    // 0 to 2 for the disparities that are adjacent.
+    let mut from = counted_from(1_u16.wrapping_sub(place));
+    for sums in sums.chunks_exact(SUMS) {
+        for i in 0..SUMS {
+            least[i] = least[i].min(sums[i] | u16::from(from[i] <= 2).wrapping_neg());
+            from[i] = from[i].wrapping_add(SUMS as u16);
+        }
+    }
+    least_sum(&least)
+}
+
+#[inline(always)]
+fn counted_from(first: u16) -> [u16; SUMS] {
+    let mut lanes = [0; SUMS];
+    for i in 0..SUMS {
+        lanes[i] = first.wrapping_add(i as u16);
+    }
+    lanes
+}
+
+/// In parts of eight, for which processors have an instruction; of more lanes the compiler makes scalar comparisons.
+#[inline(always)]
+fn least_sum(lanes: &[u16; SUMS]) -> u16 {
+    let mut eight = [u16::MAX; 8];
+    for part in lanes.chunks_exact(8) {
+        for i in 0..8 {
+            eight[i] = eight[i].min(part[i]);
+        }
+    }
     let mut least = u16::MAX;
-    for &sum in sums {
-        least = least.min(sum);
+    for &lane in &eight {
+        least = least.min(lane);
     }
     least
-}
-
-/// The first disparity with the least sum, and the least sum that is not adjacent to it.
-#[inline(always)]
-fn place_and_rival(sums: &[u16], best: u16) -> (u16, u16) {
-    let disparities = sums.len() as u16;
-    let mut place = u16::MAX;
-    for (d, &sum) in (0..disparities).zip(sums) {
-        place = place.min(d | u16::from(sum != best).wrapping_neg());
-    }
-    let mut rival = u16::MAX;
-    for (d, &sum) in (0..disparities).zip(sums) {
-        let beside = d.wrapping_add(1).wrapping_sub(place) <= 2;
-        rival = rival.min(sum | u16::from(beside).wrapping_neg());
-    }
-    (place, rival)
 }
 
 #[inline(always)]
