@@ -27,6 +27,20 @@ fn millimetres(metres: f32) -> i64 {
     (millimetres + 0.5_f64.copysign(millimetres)) as i64
 }
 
+/// The difference of two products, rounded once.
+fn minor([a, b]: [i64; 2], [c, d]: [i64; 2]) -> f64 {
+    let narrow = || a.checked_mul(b)?.checked_sub(c.checked_mul(d)?);
+    narrow().map_or_else(|| wide_minor([a, b], [c, d]), |number| number as f64)
+}
+
+/// The same for products of more than 64 bits. Apart, because the conversion is a slow library call, which would be made
+/// for every product if it were inlined.
+#[cold]
+#[inline(never)]
+fn wide_minor([a, b]: [i64; 2], [c, d]: [i64; 2]) -> f64 {
+    (i128::from(a) * i128::from(b) - i128::from(c) * i128::from(d)) as f64
+}
+
 impl Level {
     pub(crate) fn clear(&mut self) {
         self.points.clear();
@@ -63,13 +77,8 @@ impl Level {
         if self.n < LEVEL_POINTS || span < millimetres(LEVEL_SPAN_M) {
             return None;
         }
-        let minor =
-            |a: i64, b: i64, c: i64, d: i64| i128::from(a) * i128::from(b) - i128::from(c) * i128::from(d);
-        // Rounded alike from both; the conversion of the wider one is a slow library call, and hardly ever needed.
-        let rounded =
-            |number: i128| i64::try_from(number).map_or_else(|_| number as f64, |number| number as f64);
-        let determinant = minor(self.n, self.rr, self.r, self.r);
-        let slope = rounded(minor(self.n, self.rz, self.r, self.z)) / rounded(determinant.max(1));
+        let determinant = minor([self.n, self.rr], [self.r, self.r]);
+        let slope = minor([self.n, self.rz], [self.r, self.z]) / determinant.max(1.0);
         Some((slope as f32).clamp(-limit, limit))
     }
 
