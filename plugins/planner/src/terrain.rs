@@ -306,11 +306,12 @@ impl Terrain {
         let position = vehicle.translation.truncate();
         let free_m = zones.trespass_m(position) + rules.least_room_m + sensed.cell_size_m;
         let columns = sensed.columns.max(1);
-        let is_forbidden = |at: usize| {
-            let centre = sensed.centre(Place::new((at % columns) as i32, (at / columns) as i32));
-            zones.forbid(centre) && centre.distance(position) > free_m
-        };
-        self.forbidden.extend((0..sensed.fused.len()).map(is_forbidden));
+        for row in 0..sensed.fused.len() / columns {
+            let centre = |column: usize| sensed.centre(Place::new(column as i32, row as i32));
+            let zones = zones.forbid_along(centre(0).y);
+            let is_forbidden = |at: DVec2| zones(at.x) && at.distance(position) > free_m;
+            self.forbidden.extend((0..columns).map(|column| is_forbidden(centre(column))));
+        }
         for (obstacle, _) in self.is_obstacle.iter_mut().zip(&self.forbidden).filter(|(_, is)| **is) {
             *obstacle = true;
         }
