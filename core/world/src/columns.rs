@@ -98,7 +98,7 @@ impl Column {
                 None => (0..side * side).for_each(|_| visit(self.of_evidence(Evidence::NONE))),
             },
             None if self == Column::FusedCost => {
-                message.costs().iter().for_each(|&cost| visit(f64::from(cost)));
+                message.each_cost(|cost| visit(f64::from(cost)));
             }
             None if self.is_fused() => {
                 map.for_each_fused(&options.weights, |_, fused| visit(self.of_fused(&fused, options)));

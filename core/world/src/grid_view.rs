@@ -332,7 +332,7 @@ impl Field<'_> {
                 bytes.extend(self.grid.bytes().map(|cell| cell.get(offset).copied().unwrap_or_default()));
             }
             (Cells::Map(message), FieldLocation::Column(Column::FusedCost)) => {
-                bytes.extend_from_slice(message.costs());
+                message.each_cost(|cost| bytes.push(cost));
             }
             (Cells::Map(message), FieldLocation::Column(number)) => {
                 number.each(message, |value| bytes.push(value as u8));

@@ -1,23 +1,23 @@
 //! A published map: the map itself, which is converted to a `foxglove.Grid` only for readers that do not know its type.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use rcs_msg::foxglove::Grid;
 use rcs_msg::{AnyMessage, DeferredSource, Stamp};
 
 use crate::{Map, MapOptions};
 
-/// A published map. A clone shares its tiles, and the fused costs if they have been computed. Converting it to a `foxglove.Grid` writes all 40 401 cells, so that is
-/// left to the readers that need the message. The message, also through [`GridView`](crate::GridView), states heights
-/// rounded to 1/1024 m and variances to eight binary digits; the cells of the map have them exactly.
+/// A published map. A clone shares its tiles, and the fused costs if the message has them. Converting it to a
+/// `foxglove.Grid` writes all 40 401 cells, so that is left to the readers that need the message. The message, also
+/// through [`GridView`](crate::GridView), states heights rounded to 1/1024 m and variances to eight binary digits; the
+/// cells of the map have them exactly.
 #[derive(Clone, Debug)]
 pub struct MapMessage {
     map: Map,
     frame_id: Arc<str>,
     time: Stamp,
     options: MapOptions,
-    /// Follow from the map and the options.
-    costs: OnceLock<Arc<[u8]>>,
+    costs: Option<Arc<[u8]>>,
 }
 
 impl PartialEq for MapMessage {
@@ -33,7 +33,7 @@ impl MapMessage {
     /// A map in a frame at a time. The options are the content of its message: they include every source that has voted,
     /// and the weights of the fused cost.
     pub fn new(map: Map, frame_id: impl Into<Arc<str>>, time: Stamp, options: MapOptions) -> MapMessage {
-        MapMessage { map, frame_id: frame_id.into(), time, options, costs: OnceLock::new() }
+        MapMessage { map, frame_id: frame_id.into(), time, options, costs: None }
     }
 
     /// The same map with another content of its message.
@@ -62,14 +62,21 @@ impl MapMessage {
         &self.options
     }
 
-    /// The fused cost of each cell, by rows from the south, west to east: 0 to 250, or 255 for unknown. Computed when it
-    /// is read first, and then shared by all readers.
-    pub fn costs(&self) -> &[u8] {
-        self.costs.get_or_init(|| {
-            let mut costs = Vec::with_capacity(self.map.side() * self.map.side());
-            self.map.for_each_fused(&self.options.weights, |_, fused| costs.push(fused.cost));
-            costs.into()
-        })
+    /// The same message with the fused costs, so that its readers need not compute them.
+    #[must_use]
+    pub fn with_costs(self) -> MapMessage {
+        let mut costs = Vec::with_capacity(self.map.side() * self.map.side());
+        self.each_cost(|cost| costs.push(cost));
+        MapMessage { costs: Some(costs.into()), ..self }
+    }
+
+    /// Calls `visit` with the fused cost of each cell, by rows from the south, west to east: 0 to 250, or 255 for
+    /// unknown.
+    pub fn each_cost(&self, mut visit: impl FnMut(u8)) {
+        match &self.costs {
+            Some(costs) => costs.iter().for_each(|&cost| visit(cost)),
+            None => self.map.for_each_fused(&self.options.weights, |_, fused| visit(fused.cost)),
+        }
     }
 
     /// A message for a buffer of `foxglove.Grid`.
@@ -90,7 +97,7 @@ impl DeferredSource<Grid> for MapMessage {
     }
 
     fn size_hint(&self) -> usize {
-        let costs = self.costs.get().map_or(0, |costs| costs.len());
+        let costs = self.costs.as_ref().map_or(0, |costs| costs.len());
         size_of_val(self) + self.map.share_of_memory() + costs
     }
 }

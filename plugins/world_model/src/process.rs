@@ -332,10 +332,17 @@ impl WorldModel {
         let sources: Sources = sources.chain(self.seen.iter()).collect();
         let options = MapOptions { sources, heights: true, weights };
         let acq_time = if self.changed == Stamp(0) { now } else { self.changed };
-        let map = MapMessage::new(self.map.clone(), extrinsics(params).frames.local, now, options);
-        let labels = || map.costs().iter().map(|&cost| Label::of_cost(cost));
-        let known = labels().filter(|label| *label != Label::Unknown).count() as u64;
-        let obstacle = labels().filter(|label| *label == Label::Obstacle).count() as u64;
+        let map =
+            MapMessage::new(self.map.clone(), extrinsics(params).frames.local, now, options).with_costs();
+        let (mut known, mut obstacle) = (0, 0);
+        map.each_cost(|cost| match Label::of_cost(cost) {
+            Label::Unknown => {}
+            Label::Ground => known += 1,
+            Label::Obstacle => {
+                known += 1;
+                obstacle += 1;
+            }
+        });
         cx.write_deferred(&ports.map, acq_time, map);
         if let Some(pose) = vehicle {
             let vehicle = PoseInFrame {
