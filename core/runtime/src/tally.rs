@@ -75,7 +75,12 @@ impl Tallies {
         let (sender, todo) = sync_channel(most_waiting);
         let handle = {
             let counted = Arc::clone(&counted);
-            std::thread::Builder::new().name("hash".to_owned()).spawn(move || count(&todo, &counted))?
+            let count = move || {
+                // In the time in which the cycles leave a core idle: nobody waits for a hash before the end of the run.
+                crate::lower_priority();
+                count(&todo, &counted);
+            };
+            std::thread::Builder::new().name("hash".to_owned()).spawn(count)?
         };
         for (index, buffer) in counted_buffers(buffers) {
             let sender = sender.clone();
