@@ -54,10 +54,11 @@ enum Todo {
 }
 
 impl Tallies {
-    /// Counts for a run with this many threads: on the writer's if that is one.
+    /// Counts for a stepped run with this many threads: on the writer's if that is one, else in the time in which the
+    /// cycles leave a core idle.
     pub(crate) fn tap(buffers: &[Arc<Buffer>], threads: usize) -> Self {
         if threads > 1
-            && let Ok(tallies) = Self::tap_on_a_thread(buffers, MOST_WAITING)
+            && let Ok(tallies) = Self::tap_on_a_thread(buffers, MOST_WAITING, crate::lower_priority)
         {
             return tallies;
         }
@@ -69,15 +70,19 @@ impl Tallies {
         Self { counted, thread: None }
     }
 
-    /// Counts on a thread of its own; a writer waits while `most_waiting` messages are waiting to be counted.
-    pub(crate) fn tap_on_a_thread(buffers: &[Arc<Buffer>], most_waiting: usize) -> std::io::Result<Self> {
+    /// Counts on a thread of its own, which calls `start` first; a writer waits while `most_waiting` messages are waiting
+    /// to be counted.
+    pub(crate) fn tap_on_a_thread(
+        buffers: &[Arc<Buffer>],
+        most_waiting: usize,
+        start: fn(),
+    ) -> std::io::Result<Self> {
         let counted = Arc::new(Mutex::new(vec![Tally::default(); buffers.len()]));
         let (sender, todo) = sync_channel(most_waiting);
         let handle = {
             let counted = Arc::clone(&counted);
             let count = move || {
-                // In the time in which the cycles leave a core idle: nobody waits for a hash before the end of the run.
-                crate::lower_priority();
+                start();
                 count(&todo, &counted);
             };
             std::thread::Builder::new().name("hash".to_owned()).spawn(count)?
