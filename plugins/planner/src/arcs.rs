@@ -23,6 +23,7 @@
 use crate::costs::{BLOCKED, CostGrid, MAX_COST};
 use crate::terrain::Sensed;
 use rcs_geom::{DVec2, Pose, wrap_angle};
+use rcs_world::OBSTACLE_COST;
 use std::f64::consts::TAU;
 
 /// How the vehicle moves along an arc.
@@ -216,6 +217,28 @@ impl Scene<'_> {
             weights.short * lacks,
         ];
         Scored { arc, free_m: if on_the_spot { 0.0 } else { free_m }, mean_cost, terms, open }
+    }
+
+    /// Whether the vehicle can drive straight back this far, m, over ground that it has driven over, although what stands close
+    /// beside it on both sides leaves no free arc, as in growth: no cell under its body there is an obstacle.
+    pub fn is_own_track_free(&self, back_m: f64, half_width_m: f64, rules: &Rules) -> bool {
+        let (position, yaw) = (self.vehicle.translation.truncate(), self.vehicle.yaw());
+        let ahead = DVec2::new(libm::cos(yaw), libm::sin(yaw));
+        // A cell whose middle lies beside the body was not driven over.
+        let half_width_m = (half_width_m - 0.5 * self.sensed.cell_size_m).max(0.0);
+        let steps = |length_m: f64| (length_m / SAMPLE_M).ceil() as u32;
+        let is_free = |at: DVec2| {
+            let cell = self.sensed.place(at).filter(|&place| self.costs.get(place).is_some());
+            cell.is_some_and(|place| self.sensed.fused[self.sensed.index(place)] < OBSTACLE_COST)
+        };
+        let mut behind =
+            (0..=steps(rules.tail_m + back_m)).map(|step| position - ahead * (f64::from(step) * SAMPLE_M));
+        behind.all(|middle| {
+            (0..=steps(2.0 * half_width_m)).all(|step| {
+                let across_m = (f64::from(step) * SAMPLE_M - half_width_m).min(half_width_m);
+                is_free(middle + ahead.perp() * across_m)
+            })
+        })
     }
 
     /// Angle by which a turn on the spot turns: to the target, but no farther than is looked ahead.

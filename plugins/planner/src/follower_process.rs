@@ -5,9 +5,9 @@ use crate::arcs::{self, Arc, Motion, Scene, Scored};
 use crate::barred::Barred;
 use crate::follower_costs::Costs;
 use crate::modes::{Action, Bars, Mode, Modes, Obstacles, Table, Towards, Transition};
-use crate::motion::{Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds};
+use crate::motion::{OWN_TRACK_M, Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds};
 use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
-use crate::settings::check_costs;
+use crate::settings::{check_costs, rules_of};
 use crate::signals::Watch;
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, DVec3, Pose};
@@ -333,7 +333,11 @@ impl WaypointFollower {
                 let best = target.and_then(|_| arcs::best(&scored));
                 (best, best.map_or([0.0; 2], |at| speeds(&scored[at], &style)))
             }
-            Some(Action::Reverse) => reversed(&scored, &style, self.modes.begun()),
+            Some(Action::Reverse) => {
+                let half_width_m = rules_of(params.costs.as_ref()).half_width_m;
+                let is_own_track_free = || scene.is_own_track_free(OWN_TRACK_M, half_width_m, &rules);
+                reversed(&scored, &style, self.modes.begun(), is_own_track_free)
+            }
             Some(Action::Shake) => {
                 let now = cx.now();
                 let began = self.modes.active().map_or(now, |(_, began)| began);

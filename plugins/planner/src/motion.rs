@@ -65,11 +65,23 @@ pub(crate) fn speeds(chosen: &Scored, style: &Style) -> [f64; 2] {
     }
 }
 
+/// Distance that the action REVERSE drives straight back on the vehicle's own track where no arc is free, m.
+pub(crate) const OWN_TRACK_M: f64 = 0.6;
+
 /// The action REVERSE: on the straight arc backward, or a bent one if that is not free; it turns to a side that
-/// alternates with the number of the mode. It stands if nothing behind the vehicle is free.
-pub(crate) fn reversed(scored: &[Scored], style: &Style, number: u32) -> (Option<usize>, [f64; 2]) {
+/// alternates with the number of the mode. If none is free, straight back as slowly as it touches things, where the vehicle's
+/// own track is free; else it stands.
+pub(crate) fn reversed(
+    scored: &[Scored],
+    style: &Style,
+    number: u32,
+    is_own_track_free: impl FnOnce() -> bool,
+) -> (Option<usize>, [f64; 2]) {
     let back = scored.iter().position(|scored| scored.arc.motion == Motion::Backward && scored.open);
-    let Some(at) = back else { return (None, [0.0; 2]) };
+    let Some(at) = back else {
+        let speed_mps = if is_own_track_free() { -style.max_speed_mps.min(TOUCH_MPS) } else { 0.0 };
+        return (None, [speed_mps, 0.0]);
+    };
     let side = if number.is_multiple_of(2) { 1.0 } else { -1.0 };
     let speed_mps = -style.max_speed_mps;
     let bend = scored[at].arc.curvature_per_m;

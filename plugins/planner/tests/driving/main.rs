@@ -334,6 +334,22 @@ fn it_leaves_slip_ahead_where_something_is_behind_and_slowly_where_nothing_is_fr
 }
 
 #[test]
+fn it_reverses_on_its_own_track_where_growth_leaves_no_other_way_back() {
+    let back_mps = |lane_m: f64| {
+        let mut bench = start(&FILES);
+        // What it has driven over is free, as wide as its body; growth stands on both sides and ahead.
+        let growth = |at: DVec2| if at.x > 0.6 || at.y.abs() > lane_m { 250 } else { 0 };
+        cycle(&mut bench, 0.0, 0.0, growth, 12);
+        bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
+        cycle(&mut bench, 0.0, 0.0, growth, 2);
+        assert_eq!(mode(&bench).0, "REVERSE_FROM_BUMPER", "{}", story(&bench));
+        drive(&bench).0
+    };
+    assert!((-0.25..-0.1).contains(&back_mps(0.4)), "{}", back_mps(0.4));
+    assert_eq!(back_mps(0.1), 0.0, "it stands where something is behind it");
+}
+
+#[test]
 fn a_goal_inside_of_an_obstacle_is_approached_and_it_stops_beside_it() {
     let mut bench = start(&FILES);
     let around_goal = |at: DVec2| if at.distance(DVec2::new(10.0, 0.0)) < 1.5 { 250 } else { 0 };
