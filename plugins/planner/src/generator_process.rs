@@ -10,10 +10,10 @@ mod same_start;
 use self::bars::in_local;
 use self::given::Given;
 use self::goals::zones_of_files;
-use crate::around_goal::AroundGoal;
 use crate::barred::Barred;
 use crate::children::Children;
 use crate::goal::Goal;
+use crate::goal_search::GoalSearch;
 use crate::map_reader::MapReader;
 use crate::mission::Mission;
 use crate::process::PlannerCommand;
@@ -57,8 +57,10 @@ pub struct WaypointGenerator {
     commanded: Option<(u8, f64, f64)>,
     /// The operator's mission, global frame, m.
     mission: Mission,
-    /// Since it arrived at the goal of the file.
-    around: Option<AroundGoal>,
+    /// Whether the vehicle has arrived where it was told to drive.
+    arrived: bool,
+    /// The search for the goal of the file, since it arrived there.
+    search: Option<GoalSearch>,
     /// Sequence of the operator's message that was read last.
     taken: u64,
     /// Where the vehicle must not drive, global frame, m, as the planners were told.
@@ -218,7 +220,7 @@ impl Process for WaypointGenerator {
             let WaypointGeneratorCommand::GoTo(goal) = command;
             self.commanded = Some((goal.zone as u8, goal.easting_m, goal.northing_m));
             self.mission.goals = None;
-            self.around = None;
+            self.search = None;
             self.told = None;
         }
         self.take_transforms(ports, params, cx);
@@ -249,7 +251,7 @@ impl Process for WaypointGenerator {
             registration.and_then(|message| route::registered(&message, &params.local_frame));
         let goal = self.found_before(params, stated, local_from_route.as_ref()).unwrap_or(stated);
         let local_from_route = local_from_route.or_else(|| self.placed_by_start(params));
-        let goal = self.around.map_or(goal, |around| around.target(goal, params.around_goal_m));
+        let goal = self.look_for_goal(params, goal, cx.now());
         let Some((global_from_local, at)) = self.global_from_local else {
             return cx.exec("waits for the local frame in the global frame");
         };
@@ -269,7 +271,7 @@ impl Process for WaypointGenerator {
         let global_from_route = local_from_route.map_or(Pose::IDENTITY, |pose| global_from_local * pose);
         self.send_slips(ports, params, &global_from_route, cx);
         let age_s = cx.now().seconds_since(at);
-        let mut note = self.around.map_or(String::new(), |around| around.note());
+        let mut note = self.search.as_ref().map_or(String::new(), GoalSearch::note);
         if age_s > params.transform_timeout_s {
             let old = "; the local frame in the global one is";
             note = format!("{note}{old} {age_s:.1} s old, and the goal stays where it was");

@@ -57,8 +57,8 @@
 //! that what has left the near map is not forgotten; where its path there is a detour, to a point half as far. Command `GO_TO` gives another goal, and the operator's `mission` gives
 //! several ([`mission`]), which are driven to one after the other. The planners go around [`zones`] and stay inside of the
 //! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`], cut by the `map` as [`shortcut`] says)
-//! is a parameter of the next one, and the planner makes the cells along it cheaper. With `around_goal_m`, it drives once
-//! around the goal of the file after it has arrived there by its own estimate ([`around_goal`]). There are no waypoints,
+//! is a parameter of the next one, and the planner makes the cells along it cheaper. With `found_within_m`, it looks
+//! for the goal of the file after it has arrived there by its own estimate ([`goal_search`]). There are no waypoints,
 //! and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
 //! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. Where wheels
@@ -116,7 +116,6 @@ rcs_msg::messages!(
 );
 
 pub mod arcs;
-pub mod around_goal;
 pub mod barred;
 mod children;
 pub mod clearance;
@@ -125,6 +124,7 @@ mod follower_costs;
 mod follower_process;
 mod generator_process;
 pub mod goal;
+pub mod goal_search;
 mod map_reader;
 pub mod mission;
 pub mod modes;

@@ -2,8 +2,8 @@
 //! where it must not drive.
 
 use super::{Ports, WaypointGenerator};
-use crate::around_goal::AroundGoal;
 use crate::goal::Goal;
+use crate::goal_search::{GoalSearch, Scene};
 use crate::mission::Mission;
 use crate::proto::WaypointGeneratorParams;
 use crate::route;
@@ -19,6 +19,8 @@ const FOUND_WITHIN_M: f64 = 3.0;
 /// What that place counts beside the estimate of this run. Their errors are independent and about as large: the run before
 /// ended somewhere on the border of the goal, up to 1.5 m from its middle, and the estimate is off by 1.3 m.
 const FOUND_SHARE: f64 = 0.55;
+/// The search for the goal begins this near to where it is believed to be, m: the vehicle need not stop there first.
+const SEARCH_FROM_M: f64 = 0.8;
 
 impl WaypointGenerator {
     /// Reads the operator's mission, and goes on to its next goal.
@@ -44,7 +46,7 @@ impl WaypointGenerator {
             if let Some(global_from_message) = global_from_message {
                 self.taken = message.header().sequence;
                 self.told = None;
-                self.around = None;
+                self.search = None;
                 match Mission::of(&message, &global_from_message) {
                     Ok(mission) => self.mission.take(mission),
                     Err(why) => cx.fault(format!("mission: {why}; not taken")),
@@ -59,22 +61,37 @@ impl WaypointGenerator {
             self.told = None;
             self.send_driven(ports, params, cx);
         }
-        self.go_around(arrived, params, cx.now());
+        self.arrived = arrived;
     }
 
-    /// Goes on around the goal of the file, given whether the vehicle has arrived where it was told to drive.
-    fn go_around(&mut self, arrived: bool, params: &WaypointGeneratorParams, now: Stamp) {
-        let is_told = params.around_goal_m > 0.0 && self.mission.goals.is_none() && self.commanded.is_none();
-        if !is_told {
-            self.around = None;
-        } else if let Some(around) = &mut self.around {
-            if around.go_on(arrived, now) {
-                self.told = None;
+    /// Searches for the goal of the file, believed to be here (global frame, m), from the first arrival there on. Where the
+    /// vehicle drives to.
+    pub(super) fn look_for_goal(
+        &mut self,
+        params: &WaypointGeneratorParams,
+        goal: DVec2,
+        now: Stamp,
+    ) -> DVec2 {
+        let within_m = params.found_within_m;
+        let is_told = within_m > 0.0 && self.mission.goals.is_none() && self.commanded.is_none();
+        let Some(at) = self.position.map(DVec2::from).filter(|_| is_told) else {
+            self.search = None;
+            return goal;
+        };
+        let scene = Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m };
+        let has_changed = match &mut self.search {
+            Some(search) => search.go_on(&scene, self.arrived, now),
+            None => {
+                let begins = self.arrived || at.distance(goal) < SEARCH_FROM_M;
+                self.search = begins.then(|| GoalSearch::begin(&scene, now));
+                begins
             }
-        } else if arrived {
-            self.around = Some(AroundGoal::begin(self.yaw_rad, now));
+        };
+        if has_changed {
             self.told = None;
+            self.arrived = false;
         }
+        self.search.as_ref().and_then(GoalSearch::target).unwrap_or(goal)
     }
 
     /// Says what is driven and obeyed.
