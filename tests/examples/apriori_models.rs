@@ -187,7 +187,7 @@ fn write_growth(folder: &Path) {
         (span_octaves, weights) = matching_of(&message).unwrap();
         let mut set = ModelSet::from_message(&message).unwrap();
         let all = set.models.len();
-        set.models.retain(|model| model.backing(&model.terrain) >= LEAST_BACKING);
+        set.models.retain(|model| model.driven_backing() >= LEAST_BACKING);
         println!("{course}: {} of {all} models are backed by experience", set.models.len());
         let rules = ModelRules {
             min_points: 1,

@@ -1,10 +1,10 @@
 //! One labelled frame: assigns points to cells (Albus 2006a, 3.2, steps 2 and 3).
 //!
 //! A pixel is used if it is labelled `GROUND` or `OBSTACLE`, has a depth within the learning range, and lies within the
-//! map; its height does not matter.
+//! map, at any height.
 
 use crate::appearance::{BINS, HISTOGRAMS, Histograms, PixelCodes, RatioBins};
-use crate::models::Terrain;
+use crate::models::{Heights, Terrain};
 use crate::texture::PaddedGrey;
 use glam::{DMat3, DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
@@ -114,19 +114,21 @@ pub fn gather(
     let codes = PixelCodes::of_rows(frame.rgb, frame.grey, rows, ratios);
     let grid = CellGrid::new(&frame.local_from_camera, window);
     let mut sums = Sums::new(window.side);
-    let mut places = vec![NOWHERE; width];
+    let (mut places, mut heights_mm) = (vec![NOWHERE; width], vec![0; width]);
     for (row, used) in used.chunks_exact_mut(width).enumerate() {
         let pixels = row * width..(row + 1) * width;
         grid.places(&rays[pixels.clone()], &depths[pixels.clone()], &mut places);
+        grid.heights(&rays[pixels.clone()], &depths[pixels.clone()], &mut heights_mm);
         let codes = codes.codes[pixels.clone()].iter().zip(&codes.contrasts[pixels]);
-        for ((used, &place), (&code, &contrast)) in used.iter_mut().zip(&places).zip(codes) {
+        let places = places.iter().zip(&heights_mm);
+        for ((used, (&place, &height_mm)), (&code, &contrast)) in used.iter_mut().zip(places).zip(codes) {
             if *used == 0 {
                 continue;
             }
             if place == NOWHERE {
                 *used = 0;
             } else {
-                sums.add(place, *used, code, contrast);
+                sums.add(place, height_mm, *used, code, contrast);
             }
         }
     }
@@ -215,11 +217,13 @@ pub fn spots(
     extents.iter().map(spot).collect()
 }
 
-/// Converts a ray and a depth to a cell: rows of the camera's rotation and its position, in cells from the corner.
+/// Converts a ray and a depth to a cell and a height: rows of the camera's rotation and its position, in cells from the
+/// corner, and in mm.
 struct CellGrid {
     x: [f64; 3],
     y: [f64; 3],
-    camera: [f64; 2],
+    z: [f64; 3],
+    camera: [f64; 3],
     side: usize,
 }
 
@@ -227,9 +231,15 @@ impl CellGrid {
     fn new(local_from_camera: &Pose, window: &Window) -> CellGrid {
         let scale = 1.0 / window.cell_size_m;
         let turn: DMat3 = local_from_camera.rotation_matrix();
-        let row = |axis: DVec3| (turn.transpose() * axis * scale).to_array();
+        let row = |axis: DVec3, scale: f64| (turn.transpose() * axis * scale).to_array();
         let camera = (local_from_camera.translation.truncate() - window.corner_m) * scale;
-        CellGrid { x: row(DVec3::X), y: row(DVec3::Y), camera: camera.to_array(), side: window.side }
+        CellGrid {
+            x: row(DVec3::X, scale),
+            y: row(DVec3::Y, scale),
+            z: row(DVec3::Z, MM),
+            camera: camera.extend(local_from_camera.translation.z * MM).to_array(),
+            side: window.side,
+        }
     }
 
     /// Cell indices of consecutive pixels; [`NOWHERE`] outside of the window. Without branches, so that the compiler
@@ -246,7 +256,18 @@ impl CellGrid {
             *place = if inside { at as u32 } else { NOWHERE };
         }
     }
+
+    /// Heights of consecutive pixels in the local frame, mm; those without a place have none that means anything.
+    fn heights(&self, rays: &[[f64; 2]], depths_m: &[f32], heights_mm: &mut [i32]) {
+        for ((height_mm, &[x, y]), &depth_m) in heights_mm.iter_mut().zip(rays).zip(depths_m) {
+            let along = self.z[0] * x + self.z[1] * y + self.z[2];
+            *height_mm = (along * f64::from(depth_m) + self.camera[2]) as i32;
+        }
+    }
 }
+
+/// Millimetres per metre.
+const MM: f64 = 1000.0;
 
 /// Cell index of a pixel outside of the window.
 const NOWHERE: u32 = u32::MAX;
@@ -259,12 +280,26 @@ struct Sums {
     cells: Vec<Sum>,
 }
 
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Sum {
     bins: [[u32; BINS]; HISTOGRAMS],
     ground: u32,
     obstacle: u32,
     contrast: u64,
+    lowest_mm: i32,
+    /// Below all heights without an obstacle.
+    obstacle_top_mm: i32,
+}
+
+impl Sum {
+    const NONE: Sum = Sum {
+        bins: [[0; BINS]; HISTOGRAMS],
+        ground: 0,
+        obstacle: 0,
+        contrast: 0,
+        lowest_mm: i32::MAX,
+        obstacle_top_mm: i32::MIN,
+    };
 }
 
 impl Sums {
@@ -273,12 +308,12 @@ impl Sums {
     }
 
     #[inline]
-    fn add(&mut self, place: u32, label: u8, code: u16, contrast: u32) {
+    fn add(&mut self, place: u32, height_mm: i32, label: u8, code: u16, contrast: u32) {
         let slot = &mut self.slots[place as usize];
         if *slot == NOWHERE {
             *slot = self.cells.len() as u32;
             self.places.push(place);
-            self.cells.push(Sum::default());
+            self.cells.push(Sum::NONE);
         }
         let sum = &mut self.cells[*slot as usize];
         for (i, histogram) in sum.bins.iter_mut().enumerate() {
@@ -287,6 +322,8 @@ impl Sums {
         sum.contrast += u64::from(contrast);
         sum.ground += u32::from(label == GROUND);
         sum.obstacle += u32::from(label == OBSTACLE);
+        sum.lowest_mm = sum.lowest_mm.min(height_mm);
+        sum.obstacle_top_mm = sum.obstacle_top_mm.max(if label == OBSTACLE { height_mm } else { i32::MIN });
     }
 
     fn finish(self) -> Vec<(u32, Terrain)> {
@@ -297,6 +334,10 @@ impl Sums {
             },
             ground: u64::from(sum.ground),
             obstacle: u64::from(sum.obstacle),
+            heights: Heights {
+                lowest_mm: Some(sum.lowest_mm),
+                obstacle_top_mm: (sum.obstacle > 0).then_some(sum.obstacle_top_mm),
+            },
             ..Terrain::default()
         };
         self.places.into_iter().zip(self.cells.iter().map(terrain)).collect()

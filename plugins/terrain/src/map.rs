@@ -15,8 +15,8 @@
 
 use crate::frame::Window;
 use crate::judgement::{Judgement, SURE};
-use crate::models::{ALIKE_POINTS, Model, ModelRules, ModelSet, Terrain};
-use crate::surroundings::{Part, spread};
+use crate::models::{Model, ModelRules, ModelSet, Terrain};
+use crate::surroundings::{Part, Role, spread};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, GridError, Pose, ScrollGrid};
 use rcs_sense::CELL_SIZE_M;
@@ -33,9 +33,25 @@ pub const SQUEEZED: usize = 64;
 /// one large outline does not outweigh everything that was driven over.
 pub const MARKED_CELLS: usize = 4;
 
+/// How far experience reaches.
+#[derive(Clone, Copy)]
+struct Reach {
+    /// Number of cells at once from which a model gains.
+    cells: usize,
+    /// Greatest height of an obstacle of which driving over it tells, mm: what is higher hung over the way.
+    height_mm: u32,
+}
+
+/// Of the vehicle, which is about 0.8 m high, and of the operator.
+const OWN: Reach = Reach { cells: usize::MAX, height_mm: 800 };
+const TOLD: Reach = Reach { cells: MARKED_CELLS, height_mm: u32::MAX };
+
 /// Share of obstacle in the experience of ground on which the wheels spin: it costs at most 100 of 250, so that a planner
 /// goes around it where there is another way.
 const SPUN_SHARE: f64 = 0.4;
+
+/// What looks like obstacles that were driven over may be higher than those by this much, mm, by the noise of range.
+const HEIGHT_NOISE_MM: u32 = 100;
 
 /// A cell of the learning map.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -78,14 +94,16 @@ pub struct Learned {
 }
 
 /// Judges a cell: by its model, where it belongs to one or where experience backs one that it resembles; else by itself.
-fn judgement(cell: &Cell, model: Option<&Model>, rules: &ModelRules) -> Option<Judgement> {
+/// `is_low`: it is no higher than what was driven over.
+fn judgement(cell: &Cell, model: Option<&Model>, is_low: bool, rules: &ModelRules) -> Option<Judgement> {
     let model = model.filter(|model| cell.is_part || model.terrain.experience() > 0);
     let fraction = match model {
         Some(model) => model.obstacle_fraction()?,
         None => cell.terrain.obstacle_fraction(1)?,
     };
     let is_experienced = cell.terrain.experience() > 0;
-    let backing = if is_experienced { 1.0 } else { model.map_or(0.0, |model| model.backing(&cell.terrain)) };
+    let backing =
+        if is_experienced { 1.0 } else { model.map_or(0.0, |model| model.backing(&cell.terrain, is_low)) };
     let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;
     let part = if is_experienced { 1.0 } else { seen.min(1.0) };
     Some(Judgement {
@@ -108,7 +126,7 @@ fn contains(outline: &[DVec2], at: DVec2) -> bool {
 fn part_in_surroundings(cell: Option<&Cell>) -> Part {
     match cell {
         Some(cell) if cell.model.is_some() => Part::Gives,
-        Some(cell) if cell.terrain.experience() > 0 || cell.terrain.points() >= ALIKE_POINTS => Part::Keeps,
+        Some(cell) if cell.terrain.experience() > 0 || cell.terrain.is_labelled() => Part::Keeps,
         _ => Part::Takes,
     }
 }
@@ -121,6 +139,8 @@ pub struct TerrainMap {
     pub models: ModelSet,
     /// Cells under the vehicle in the previous update.
     under: Vec<CellIndex>,
+    /// Height of the ground under the vehicle then, local frame, mm.
+    vehicle_mm: i32,
     /// Number of cells driven over, number hit, and number that an operator marked.
     experienced: [u64; 3],
 }
@@ -132,6 +152,7 @@ impl TerrainMap {
             cells: ScrollGrid::new(SIDE, CELL_SIZE_M, None)?,
             models,
             under: Vec::new(),
+            vehicle_mm: 0,
             experienced: [0; 3],
         })
     }
@@ -279,10 +300,11 @@ impl TerrainMap {
 
     /// Adds ground to cells that have come under the vehicle since the last call (learning by experience).
     pub fn drive(&mut self, local_from_vehicle: &Pose, outline: &Patch, gain: f64, rules: &ModelRules) {
+        self.vehicle_mm = (local_from_vehicle.translation.z * 1000.0) as i32;
         let under = self.covered(local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
             under.iter().copied().filter(|cell| self.under.binary_search(cell).is_err()).collect();
-        self.experience(&fresh, Experience::Driven, [gain, 1.0], usize::MAX, rules);
+        self.experience(&fresh, Experience::Driven, [gain, 1.0], OWN, rules);
         self.experienced[0] += fresh.len() as u64;
         self.under = under;
     }
@@ -290,15 +312,15 @@ impl TerrainMap {
     /// Adds obstacles to the cells of a patch that the bumper hit.
     pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
         let hit = self.covered(local_from_vehicle, patch);
-        self.experience(&hit, Experience::Bumped, [gain; 2], usize::MAX, rules);
+        self.experience(&hit, Experience::Bumped, [gain; 2], OWN, rules);
         self.experienced[1] += hit.len() as u64;
     }
 
     /// Adds ground and obstacles to the cells of a patch on which the wheels have begun to spin.
     pub fn spin(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
         let spun = self.covered(local_from_vehicle, patch);
-        self.experience(&spun, Experience::Bumped, [SPUN_SHARE * gain; 2], usize::MAX, rules);
-        self.experience(&spun, Experience::Driven, [(1.0 - SPUN_SHARE) * gain, 0.0], usize::MAX, rules);
+        self.experience(&spun, Experience::Bumped, [SPUN_SHARE * gain; 2], OWN, rules);
+        self.experience(&spun, Experience::Driven, [(1.0 - SPUN_SHARE) * gain, 0.0], OWN, rules);
         self.experienced[0] += spun.len() as u64;
     }
 
@@ -318,24 +340,25 @@ impl TerrainMap {
         }
         inside.sort_unstable();
         inside.dedup();
-        self.experience(&inside, what, [gain; 2], MARKED_CELLS, rules);
+        self.experience(&inside, what, [gain; 2], TOLD, rules);
         self.experienced[2] += inside.len() as u64;
         inside.len() as u64
     }
 
-    /// Adds experience to cells, and to each of their models from at most `most` of them: the first gain, and the second
-    /// one to what was driven over although range called it an obstacle.
+    /// Adds experience to cells, and to each of their models: the first gain, and the second one to what was driven over
+    /// although range called it an obstacle.
     fn experience(
         &mut self,
         cells: &[CellIndex],
         what: Experience,
         gains: [f64; 2],
-        most: usize,
+        reach: Reach,
         rules: &ModelRules,
     ) {
         let mut signatures = self.models.signatures(&rules.weights);
         let mut counted: BTreeMap<u32, usize> = BTreeMap::new();
         let [gained, overrules] = gains.map(|gain| gain.round() as u64);
+        let vehicle_mm = self.vehicle_mm;
         for &index in cells {
             let Some(slot) = self.cells.get_mut(index) else { continue };
             let cell = Arc::make_mut(slot.get_or_insert_default());
@@ -350,10 +373,14 @@ impl TerrainMap {
             let counts = |number: &u32| {
                 let count = counted.entry(*number).or_default();
                 *count += 1;
-                *count <= most
+                *count <= reach.cells
             };
-            let overrules =
-                if what == Experience::Driven && cell.terrain.is_obstacle_by_range() { overrules } else { 0 };
+            let counted_if =
+                |is_counted| if what == Experience::Driven && is_counted { overrules } else { 0 };
+            let labelled = counted_if(cell.terrain.is_labelled());
+            let obstacle = counted_if(cell.terrain.is_obstacle_by_range());
+            let height_mm = if obstacle > 0 { cell.terrain.heights.obstacle_mm(vehicle_mm) } else { 0 };
+            let height_mm = height_mm.min(reach.height_mm);
             let model = cell.model.filter(counts);
             let model = model.and_then(|number| self.models.models.get_mut(number as usize));
             for terrain in [Some(&mut cell.terrain), model.map(|m| &mut m.terrain)].into_iter().flatten() {
@@ -362,7 +389,9 @@ impl TerrainMap {
                     Experience::Bumped => &mut terrain.bumped,
                 };
                 *count = count.saturating_add(gained);
-                terrain.driven_obstacle = terrain.driven_obstacle.saturating_add(overrules);
+                terrain.driven_labelled = terrain.driven_labelled.saturating_add(labelled);
+                terrain.driven_obstacle = terrain.driven_obstacle.saturating_add(obstacle);
+                terrain.driven_height_mm = terrain.driven_height_mm.max(height_mm);
             }
         }
     }
@@ -394,23 +423,47 @@ impl TerrainMap {
         covered
     }
 
+    /// The model that a cell belongs to or resembles.
+    fn model_of(&self, cell: &Cell) -> Option<&Model> {
+        cell.model.and_then(|number| self.models.models.get(number as usize))
+    }
+
+    /// Up to this height, mm, driving tells of what looks like what was driven over: as high as any of that was.
+    fn driven_height_mm(&self) -> u32 {
+        let driven = self.models.models.iter().filter(|model| model.driven_backing() >= 0.5);
+        let highest_mm = driven.map(|model| model.terrain.driven_height_mm).max();
+        highest_mm.map_or(0, |height_mm| height_mm.saturating_add(HEIGHT_NOISE_MM))
+    }
+
+    fn is_low(&self, cell: &Cell, limit_mm: u32) -> bool {
+        cell.terrain.heights.obstacle_mm(self.vehicle_mm) <= limit_mm
+    }
+
     /// What is known of a cell (step 5): the obstacle fraction of its model, where it belongs to one or where experience
     /// backs one that it resembles; else its own. The fraction is scaled to 0 to 250. `None` where nothing is known.
     pub fn judge(&self, cell: &Cell, rules: &ModelRules) -> Option<Judgement> {
-        let model = cell.model.and_then(|number| self.models.models.get(number as usize));
-        judgement(cell, model, rules)
+        judgement(cell, self.model_of(cell), self.is_low(cell, self.driven_height_mm()), rules)
     }
 
-    /// The south-west corner cell, and what is known of each cell, in row order from there. Cells that cannot be compared
-    /// with models are judged by their surroundings, see [`crate::surroundings`].
+    /// The south-west corner cell, and what is known of each cell, in row order from there. Some take the judgement of their
+    /// surroundings, see [`crate::surroundings`].
     pub fn judgements(&self, rules: &ModelRules) -> (CellIndex, Vec<Option<Judgement>>) {
         let mut judgements = Vec::with_capacity(SIDE * SIDE);
-        let mut parts = Vec::with_capacity(SIDE * SIDE);
+        let mut roles = Vec::with_capacity(SIDE * SIDE);
+        let limit_mm = self.driven_height_mm();
+        let driven = |model: &Model| (255.0 * model.driven_backing()).round() as u8;
+        let driven: Vec<u8> = self.models.models.iter().map(driven).collect();
         self.cells.for_each_run(|_, _, cells| {
-            judgements.extend(cells.iter().map(|cell| self.judge(cell.as_deref()?, rules)));
-            parts.extend(cells.iter().map(|cell| part_in_surroundings(cell.as_deref())));
+            for cell in cells {
+                let cell = cell.as_deref();
+                let is_low = cell.is_none_or(|cell| self.is_low(cell, limit_mm));
+                let number = cell.and_then(|cell| cell.model);
+                let driven = number.and_then(|number| driven.get(number as usize)).copied().unwrap_or(0);
+                judgements.push(cell.and_then(|cell| judgement(cell, self.model_of(cell), is_low, rules)));
+                roles.push(Role { part: part_in_surroundings(cell), driven, is_low });
+            }
         });
-        spread(&mut judgements, &parts, SIDE);
+        spread(&mut judgements, &roles, SIDE);
         (self.cells.bounds().south_west, judgements)
     }
 

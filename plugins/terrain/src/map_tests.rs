@@ -3,6 +3,7 @@
 use super::*;
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::frame::{gather, join, spots, strips};
+use crate::models::Heights;
 use crate::scene::{Scene, terrain};
 
 const RULES: ModelRules = ModelRules {
@@ -125,16 +126,15 @@ fn driving_over_what_looked_like_obstacles_makes_them_cheap_everywhere() {
     let mut last = 250;
     for step in 0..10 {
         drive(&mut map, step..step + 1);
+        assert_eq!(judgement(&map, far).backing < 255, step < 8, "step {step}");
         assert!(cost(&map, far) < last, "step {step}");
         last = cost(&map, far);
     }
     // Eleven cells of the row were driven over, each worth five: 20 cells of obstacle against 55 of driving. Range had
-    // called them obstacles, and thirty such cells back the model fully.
-    let Terrain { driven, driven_obstacle, .. } = map.models.models[0].terrain;
-    assert_eq!((driven, driven_obstacle), (55, 11));
-    assert_eq!(judgement(&map, far), Judgement { cost: 67, confidence: SURE, backing: 94 });
-    drive(&mut map, 10..29);
-    assert_eq!(judgement(&map, far).backing, 255);
+    // called them obstacles, and ten such cells back the model fully.
+    let Terrain { driven, driven_labelled, driven_obstacle, .. } = map.models.models[0].terrain;
+    assert_eq!((driven, driven_labelled, driven_obstacle), (55, 11, 11));
+    assert_eq!(judgement(&map, far), Judgement { cost: 67, confidence: SURE, backing: 255 });
     // Cells beside the row are driven over, too, and known to be free although they were never seen.
     assert_eq!(judgement(&map, CellIndex::new(0, 1)), Judgement { cost: 0, confidence: SURE, backing: 255 });
 }
@@ -149,6 +149,23 @@ fn driving_along_a_thicket_of_the_colour_of_the_ground_says_nothing_about_it() {
     drive(&mut map, 0..50);
     let Judgement { cost, backing, .. } = judgement(&map, CellIndex::new(40, 4));
     assert!(cost < 60 && backing == 0, "{cost} {backing}: range outweighs it");
+}
+
+#[test]
+fn driving_through_growth_says_nothing_about_what_is_higher() {
+    let mut map = empty();
+    let growth = |height_mm: i32| {
+        let heights = Heights { lowest_mm: Some(100), obstacle_top_mm: Some(height_mm) };
+        Terrain { heights, ..terrain(7, 0, 100) }
+    };
+    let row: Vec<_> = (0..40).map(|x| (place(x, 0), growth(650))).collect();
+    let things = [(place(50, 0), growth(740)), (place(55, 0), growth(1100))];
+    map.learn(&[row.as_slice(), &things].concat(), &RULES);
+    assert_eq!(map.models.models.len(), 1, "they look alike");
+    drive(&mut map, 0..30);
+    assert_eq!(map.models.models[0].terrain.driven_height_mm, 650);
+    let backings = [50, 55].map(|x| judgement(&map, CellIndex::new(x, 0)).backing);
+    assert_eq!(backings, [255, 0], "as high as the growth, less the noise of range; and a post");
 }
 
 #[test]

@@ -57,42 +57,47 @@ fn cells_that_look_alike_merge_and_others_become_models_until_there_is_no_room()
 
 #[test]
 fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells() {
+    let nothing = Terrain::default();
     let mut model = Model::new(Terrain::default(), 1000);
-    assert_eq!((model.obstacle_fraction(), model.backing(&Terrain::default())), (None, 0.0));
+    assert_eq!((model.obstacle_fraction(), model.backing(&nothing, true)), (None, 0.0));
     model.terrain.obstacle = 1_000_000;
     assert_eq!(model.obstacle_fraction(), Some(1.0));
     model.terrain.driven = 3 * SEEN_CELLS;
     assert_eq!(
-        (model.obstacle_fraction(), model.backing(&Terrain::default())),
+        (model.obstacle_fraction(), model.backing(&nothing, true)),
         (Some(0.25), 0.0),
         "none of it was an obstacle by range"
     );
-    model.terrain.driven_obstacle = BACKED_CELLS;
-    assert_eq!(model.backing(&Terrain::default()), 1.0);
+    (model.terrain.driven_labelled, model.terrain.driven_obstacle) = (BACKED_CELLS, BACKED_CELLS);
+    assert_eq!((model.backing(&nothing, true), model.backing(&nothing, false)), (1.0, 0.0));
     model.terrain.bumped = 4 * SEEN_CELLS;
     assert_eq!(model.obstacle_fraction(), Some(0.625));
-    let few = Model::new(Terrain { driven: 5, driven_obstacle: BACKED_CELLS / 3, ..cell(0, 0, 100) }, 5);
-    assert_eq!((few.obstacle_fraction(), few.backing(&Terrain::default())), (Some(0.5), 1.0 / 3.0));
-    // Experience that agrees with range backs nothing, nor does driving over the ground of a model of ground and thicket.
-    let backing = |ground, obstacle, driven, bumped| {
-        Model::new(Terrain { driven, bumped, ..cell(0, ground, obstacle) }, 5).backing(&Terrain::default())
+    let few = Terrain { driven: 5, driven_labelled: 5, driven_obstacle: BACKED_CELLS / 2, ..cell(0, 0, 100) };
+    let few = Model::new(few, 5);
+    assert_eq!((few.obstacle_fraction(), few.backing(&nothing, true)), (Some(0.5), 0.5));
+    // A bump contradicts as far as range called it ground.
+    let bumped = |ground, obstacle| {
+        Model::new(Terrain { bumped: 1000, ..cell(0, ground, obstacle) }, 5).backing(&nothing, false)
     };
-    assert_eq!(
-        [
-            backing(100, 0, 1000, 0),
-            backing(0, 100, 0, 1000),
-            backing(100, 0, 0, 1000),
-            backing(50, 50, 1000, 0)
-        ],
-        [0.0, 0.0, 1.0, 0.0]
-    );
-    assert_eq!(backing(25, 75, 0, 1000), 0.5);
-    // Nor do the few cells of grass that range wrongly called obstacles.
-    let overruled = |ground, obstacle| {
-        Model::new(Terrain { driven: 1000, driven_obstacle: 1000, ..cell(0, ground, obstacle) }, 5)
-            .backing(&Terrain::default())
+    assert_eq!([bumped(0, 100), bumped(100, 0), bumped(25, 75)], [0.0, 1.0, 0.5]);
+}
+
+#[test]
+fn driving_backs_a_model_as_far_as_much_of_the_way_had_been_called_an_obstacle() {
+    let backing = |driven_labelled, driven_obstacle, [ground, obstacle]: [u64; 2]| {
+        let driven = Terrain { driven: 1000, driven_labelled, driven_obstacle, ..cell(0, ground, obstacle) };
+        Model::new(driven, 5).driven_backing()
     };
-    assert_eq!([overruled(100, 0), overruled(75, 25), overruled(25, 75)], [0.0, 0.5, 1.0]);
+    // The way along a thicket of the colour of the ground: some of its cells are the edge of the thicket.
+    assert_eq!(backing(2000, 60, [50, 50]), 0.0);
+    // The way through growth, however much of it range calls ground from far away.
+    for points in [[0, 100], [100, 0], [97, 3]] {
+        assert_eq!(backing(100, 60, points), 1.0, "{points:?}");
+    }
+    // What the vehicle has gone around since is not held against it.
+    assert!((backing(400, 60, [97, 3]) - 2.0 / 3.0).abs() < 1e-9);
+    // A file of an older version does not say how much had been labelled.
+    assert_eq!(backing(0, 60, [0, 100]), 0.0);
 }
 
 #[test]
