@@ -5,6 +5,7 @@
 //! takes away what it has passed, and drives to where it gains most of what is left for its time (Bayesian search). Once
 //! hardly anything is left, it stands at its estimate.
 
+use crate::zones::Zones;
 use rcs_geom::{DVec2, wrap_angle};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,8 @@ pub struct Scene<'a> {
     pub track: &'a [(f64, f64)],
     /// Distance at which the goal counts as reached, m.
     pub within_m: f64,
+    /// Where the vehicle must not drive.
+    pub zones: &'a Zones,
 }
 
 /// The state of a search.
@@ -107,7 +110,8 @@ impl GoalSearch {
                 / (FIXED_S + way.length() / SPEED_MPS + turn_rad / TURN_RADPS)
         };
         let rest: f64 = left.iter().map(|(_, probability)| probability).sum();
-        let rated = cells(scene.goal).step_by(2).map(|to| (to, rate(to)));
+        let allowed = cells(scene.goal).step_by(2).filter(|&to| !scene.zones.forbid(to));
+        let rated = allowed.map(|to| (to, rate(to)));
         let best = rated.reduce(|best, other| if other.1 > best.1 { other } else { best });
         self.target = best.filter(|_| rest > LEAST).map(|(to, _)| {
             self.places += 1;
@@ -159,8 +163,14 @@ fn near(left: &[(DVec2, f64)], from: DVec2, to: DVec2, within_m: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::zones::Polygon;
 
     const WITHIN_M: f64 = 1.2;
+    static EVERYWHERE: Zones = Zones { area: None, keep_out: Vec::new() };
+
+    fn scene(vehicle: (DVec2, f64), track: &[(f64, f64)]) -> Scene<'_> {
+        Scene { goal: DVec2::ZERO, vehicle, track, within_m: WITHIN_M, zones: &EVERYWHERE }
+    }
 
     /// Drives from 8 m west to the estimate at the origin, and on until it is within reach of the goal, without obstacles:
     /// the way from the estimate on, m, or `None` if the search ends before.
@@ -174,7 +184,7 @@ mod tests {
                 return Some(way_m);
             }
             track.push((at.x, at.y));
-            let scene = Scene { goal: DVec2::ZERO, vehicle: (at, yaw), track: &track, within_m: WITHIN_M };
+            let scene = scene((at, yaw), &track);
             let now = Stamp(tick * 250_000_000);
             match &mut search {
                 None if at.length() < 0.3 => search = Some(GoalSearch::begin(&scene, now)),
@@ -216,8 +226,7 @@ mod tests {
     #[test]
     fn it_first_drives_on_and_never_back_over_its_own_track() {
         let track: Vec<_> = (0..=16).map(|at| (f64::from(at) * 0.5 - 8.0, 0.0)).collect();
-        let scene =
-            Scene { goal: DVec2::ZERO, vehicle: (DVec2::ZERO, 0.0), track: &track, within_m: WITHIN_M };
+        let scene = scene((DVec2::ZERO, 0.0), &track);
         let search = GoalSearch::begin(&scene, Stamp(0));
         let first = search.target().unwrap();
         assert!(first.x > 0.5 && first.y.abs() < first.x, "{first}");
@@ -225,10 +234,18 @@ mod tests {
     }
 
     #[test]
+    fn it_does_not_look_where_it_must_not_drive() {
+        let corners = [(0.4, -9.0), (9.0, -9.0), (9.0, 9.0), (0.4, 9.0)].map(|(x, y)| DVec2::new(x, y));
+        let zones = Zones { area: None, keep_out: vec![Polygon::new(corners).unwrap()] };
+        let ahead = Scene { zones: &zones, ..scene((DVec2::ZERO, 0.0), &[(0.0, 0.0)]) };
+        let first = GoalSearch::begin(&ahead, Stamp(0)).target().unwrap();
+        assert!(first.x <= 0.4, "{first}");
+    }
+
+    #[test]
     fn what_it_does_not_get_to_is_given_up_and_the_search_ends() {
         let track = [(0.0, 0.0)];
-        let scene =
-            Scene { goal: DVec2::ZERO, vehicle: (DVec2::ZERO, 0.0), track: &track, within_m: WITHIN_M };
+        let scene = scene((DVec2::ZERO, 0.0), &track);
         let mut search = GoalSearch::begin(&scene, Stamp(0));
         let mut seen = Vec::new();
         for second in 1..400 {

@@ -78,14 +78,14 @@ impl WaypointGenerator {
             self.search = None;
             return goal;
         };
-        let scene = Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m };
-        let has_changed = match &mut self.search {
-            Some(search) => search.go_on(&scene, self.arrived, now),
-            None => {
-                let begins = self.arrived || at.distance(goal) < SEARCH_FROM_M;
-                self.search = begins.then(|| GoalSearch::begin(&scene, now));
-                begins
-            }
+        let scene =
+            Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m, zones: &self.zones };
+        let has_changed = if let Some(search) = &mut self.search {
+            search.go_on(&scene, self.arrived, now)
+        } else {
+            let begins = self.arrived || at.distance(goal) < SEARCH_FROM_M;
+            self.search = begins.then(|| GoalSearch::begin(&scene, now));
+            begins
         };
         if has_changed {
             self.told = None;
