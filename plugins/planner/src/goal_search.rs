@@ -3,7 +3,7 @@
 //! A course, a person or a beacon says that the goal is reached. While nobody does, it lies farther away than a known
 //! distance from each place where the vehicle was. So the vehicle keeps a probability for each place around its estimate,
 //! takes away what it has passed, and drives to where it gains most of what is left for its time (Bayesian search). Once
-//! hardly anything is left, it stands at its estimate.
+//! no place gains anything that counts, it stands at its estimate.
 
 use crate::zones::Zones;
 use rcs_geom::{DVec2, wrap_angle};
@@ -24,8 +24,8 @@ const FIXED_S: f64 = 1.0;
 const LONGEST_S: f64 = 8.0;
 /// A place is left for the next one when less than this share is left of what it was chosen for.
 const USED_UP: f64 = 0.4;
-/// The search ends when less than this probability is left.
-const LEAST: f64 = 0.02;
+/// The search ends when no place to which it may drive gains as much probability as this.
+const LEAST: f64 = 0.002;
 /// Number of the newest points of the track that count: the estimate drifts against older ones.
 const NEWEST: usize = 100;
 
@@ -103,17 +103,17 @@ impl GoalSearch {
     /// Chooses the place with the greatest probability on the way to it for its time.
     fn choose(&mut self, left: &[(DVec2, f64)], scene: &Scene<'_>, now: Stamp) {
         let (from, yaw) = scene.vehicle;
-        let rate = |to: DVec2| {
+        let gain = |to: DVec2| near(left, from, to, scene.within_m);
+        let time_s = |to: DVec2| {
             let way = to - from;
             let turn_rad = wrap_angle(libm::atan2(way.y, way.x) - yaw).abs();
-            near(left, from, to, scene.within_m)
-                / (FIXED_S + way.length() / SPEED_MPS + turn_rad / TURN_RADPS)
+            FIXED_S + way.length() / SPEED_MPS + turn_rad / TURN_RADPS
         };
-        let rest: f64 = left.iter().map(|(_, probability)| probability).sum();
         let allowed = cells(scene.goal).step_by(2).filter(|&to| !scene.zones.forbid(to));
-        let rated = allowed.map(|to| (to, rate(to)));
+        let gains = allowed.map(|to| (to, gain(to))).filter(|&(_, gain)| gain > LEAST);
+        let rated = gains.map(|(to, gain)| (to, gain / time_s(to)));
         let best = rated.reduce(|best, other| if other.1 > best.1 { other } else { best });
-        self.target = best.filter(|_| rest > LEAST).map(|(to, _)| {
+        self.target = best.map(|(to, _)| {
             self.places += 1;
             ((to.x, to.y), now, near(left, to, to, scene.within_m))
         });

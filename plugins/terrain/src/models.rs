@@ -154,7 +154,7 @@ impl Model {
     }
 
     /// How far driving has contradicted range, 0 to 1: as far as much of what was driven over had been called an obstacle
-    /// ([`CONTRADICTED`]), from [`BACKED_CELLS`] of them on. Driving over ground beside a thicket of the same colour, which
+    /// by range, from [`BACKED_CELLS`] of them on. Driving over ground beside a thicket of the same colour, which
     /// is one model with it, says nothing about the thicket.
     pub fn driven_backing(&self) -> f64 {
         share(self.terrain.driven_obstacle, BACKED_CELLS) * self.terrain.contradicted()
