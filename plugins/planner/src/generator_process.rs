@@ -57,8 +57,6 @@ pub struct WaypointGenerator {
     commanded: Option<(u8, f64, f64)>,
     /// The operator's mission, global frame, m.
     mission: Mission,
-    /// Whether the vehicle has arrived where it was told to drive.
-    arrived: bool,
     /// The search for the goal of the file, since it arrived there.
     search: Option<GoalSearch>,
     /// Sequence of the operator's message that was read last.
@@ -224,7 +222,7 @@ impl Process for WaypointGenerator {
             self.told = None;
         }
         self.take_transforms(ports, params, cx);
-        self.take_mission(ports, params, cx);
+        let arrived = self.take_mission(ports, params, cx);
         if let Some(odometry) = cx.read_newest(&ports.global) {
             self.error_m = position_error_m(&odometry);
             self.take_position(&odometry, cx.now());
@@ -251,7 +249,7 @@ impl Process for WaypointGenerator {
             registration.and_then(|message| route::registered(&message, &params.local_frame));
         let goal = self.found_before(params, stated, local_from_route.as_ref()).unwrap_or(stated);
         let local_from_route = local_from_route.or_else(|| self.placed_by_start(params));
-        let goal = self.look_for_goal(params, goal, cx.now());
+        let goal = self.look_for_goal(params, goal, arrived, cx.now());
         let Some((global_from_local, at)) = self.global_from_local else {
             return cx.exec("waits for the local frame in the global frame");
         };

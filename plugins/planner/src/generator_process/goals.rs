@@ -23,13 +23,13 @@ const FOUND_SHARE: f64 = 0.55;
 const SEARCH_FROM_M: f64 = 0.8;
 
 impl WaypointGenerator {
-    /// Reads the operator's mission, and goes on to its next goal.
+    /// Reads the operator's mission, and goes on to its next goal. Whether the vehicle has arrived where it was told to drive.
     pub(super) fn take_mission(
         &mut self,
         ports: &Ports,
         params: &WaypointGeneratorParams,
         cx: &mut Cycle<'_>,
-    ) {
+    ) -> bool {
         let message = cx.latest(&ports.mission);
         if let Some(message) = message.filter(|message| message.header().sequence != self.taken) {
             let global_from_message = match message.frame_id.as_str() {
@@ -61,15 +61,16 @@ impl WaypointGenerator {
             self.told = None;
             self.send_driven(ports, params, cx);
         }
-        self.arrived = arrived;
+        arrived
     }
 
-    /// Searches for the goal of the file, believed to be here (global frame, m), from the first arrival there on. Where the
-    /// vehicle drives to.
+    /// Searches for the goal of the file, believed to be here (global frame, m), from the first arrival there on, given
+    /// whether the vehicle has arrived where it was told to drive. Where it drives to.
     pub(super) fn look_for_goal(
         &mut self,
         params: &WaypointGeneratorParams,
         goal: DVec2,
+        arrived: bool,
         now: Stamp,
     ) -> DVec2 {
         let within_m = params.found_within_m;
@@ -81,15 +82,14 @@ impl WaypointGenerator {
         let scene =
             Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m, zones: &self.zones };
         let has_changed = if let Some(search) = &mut self.search {
-            search.go_on(&scene, self.arrived, now)
+            search.go_on(&scene, arrived, now)
         } else {
-            let begins = self.arrived || at.distance(goal) < SEARCH_FROM_M;
+            let begins = arrived || at.distance(goal) < SEARCH_FROM_M;
             self.search = begins.then(|| GoalSearch::begin(&scene, now));
             begins
         };
         if has_changed {
             self.told = None;
-            self.arrived = false;
         }
         self.search.as_ref().and_then(GoalSearch::target).unwrap_or(goal)
     }
