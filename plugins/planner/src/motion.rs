@@ -1,8 +1,10 @@
 //! Speed and turn rate of the follower: along an arc, and of the actions of modes that follow none.
 
 use crate::arcs::{self, Arc, Motion, Scored, Weights};
+use crate::costs::MAX_COST;
 use crate::modes::Mode;
 use crate::proto::WaypointFollowerParams;
+use crate::settings::rules_of;
 use rand_core::RngCore;
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
@@ -21,6 +23,8 @@ pub(crate) struct Style {
     braking_mps2: f64,
     stop_margin_m: f64,
     cost_slowdown: f64,
+    /// Cost of the best class of terrain, as a share of the highest cost.
+    clear_cost: f64,
 }
 
 impl Style {
@@ -39,6 +43,10 @@ impl Style {
             braking_mps2: params.braking_mps2,
             stop_margin_m: params.stop_margin_m,
             cost_slowdown: params.cost_slowdown,
+            clear_cost: rules_of(params.costs.as_ref())
+                .table
+                .first()
+                .map_or(0.0, |&(_, cost)| f64::from(cost) / f64::from(MAX_COST)),
         }
     }
 }
@@ -58,7 +66,8 @@ pub(crate) fn speeds(chosen: &Scored, style: &Style) -> [f64; 2] {
             let braking_m = (chosen.free_m - style.stop_margin_m).max(0.0);
             let stops = libm::sqrt(2.0 * style.braking_mps2 * braking_m);
             let bends = turn / curvature_per_m.abs().max(1e-6);
-            let slowed = limit_mps * (1.0 - style.cost_slowdown * chosen.mean_cost);
+            let dear = ((chosen.mean_cost - style.clear_cost) / (1.0 - style.clear_cost)).max(0.0);
+            let slowed = limit_mps * (1.0 - style.cost_slowdown * dear);
             let speed_mps = side * slowed.min(stops).min(bends).max(least.min(bends));
             [speed_mps, curvature_per_m * speed_mps]
         }
@@ -192,8 +201,13 @@ pub(crate) fn arc_rules(params: &WaypointFollowerParams, mode: Option<&Mode>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::proto::{TerrainClass, TerrainCosts};
 
     fn speeds_of(motion: Motion, curvature_per_m: f64, free_m: f64) -> [f64; 2] {
+        speeds_over(motion, curvature_per_m, free_m, 0.0)
+    }
+
+    fn speeds_over(motion: Motion, curvature_per_m: f64, free_m: f64, mean_cost: f64) -> [f64; 2] {
         let params = WaypointFollowerParams {
             max_speed_mps: 1.1,
             min_speed_mps: 0.25,
@@ -201,10 +215,15 @@ mod tests {
             max_yaw_rate_radps: 0.9,
             braking_mps2: 0.5,
             stop_margin_m: 0.3,
+            cost_slowdown: 0.6,
+            costs: Some(TerrainCosts {
+                table: vec![TerrainClass { up_to: 25, cost: 10 }, TerrainClass { up_to: 100, cost: 35 }],
+                ..TerrainCosts::default()
+            }),
             ..WaypointFollowerParams::default()
         };
         let arc = Arc { motion, curvature_per_m };
-        let chosen = Scored { arc, free_m, mean_cost: 0.0, terms: [0.0; 6], open: true };
+        let chosen = Scored { arc, free_m, mean_cost, terms: [0.0; 6], open: true };
         speeds(&chosen, &Style::new(&params, None))
     }
 
@@ -219,5 +238,13 @@ mod tests {
             assert!((speed_mps - side * libm::sqrt(0.1)).abs() < 1e-9, "{motion:?}: {speed_mps}");
             assert_eq!(speeds_of(motion, 0.0, 0.2)[0], side * 0.25, "{motion:?}");
         }
+    }
+
+    #[test]
+    fn clear_ground_does_not_slow_it_and_ground_of_the_highest_cost_does_by_its_share() {
+        let over = |mean_cost| speeds_over(Motion::Forward, 0.0, 3.0, mean_cost)[0];
+        assert_eq!([over(0.0), over(0.04)], [1.1; 2], "the best class costs 10 of 250");
+        assert!((over(0.52) - 1.1 * 0.7).abs() < 1e-9, "half way to the highest cost: {}", over(0.52));
+        assert!((over(1.0) - 1.1 * 0.4).abs() < 1e-9, "{}", over(1.0));
     }
 }
