@@ -54,8 +54,6 @@ pub struct GoalSearch {
     given_up: Vec<(f64, f64)>,
     /// Number of places that it has driven to.
     places: u32,
-    /// Length of the track when it was looked at last.
-    looked_at: usize,
 }
 
 impl GoalSearch {
@@ -71,10 +69,6 @@ impl GoalSearch {
     pub fn go_on(&mut self, scene: &Scene<'_>, arrived: bool, now: Stamp) -> bool {
         let Some((target, since, worth)) = self.target else { return false };
         let is_late = now.seconds_since(since) > LONGEST_S;
-        if !arrived && !is_late && self.looked_at == scene.track.len() {
-            return false;
-        }
-        self.looked_at = scene.track.len();
         if is_late {
             self.given_up.push(target);
         }
