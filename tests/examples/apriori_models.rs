@@ -194,6 +194,7 @@ fn write_growth(folder: &Path) {
             min_purity: 0.5,
             merge_distance: 0.03,
             max_models: 64,
+            near_m: 4.0,
             weights: weights.normalised(),
         };
         kept.take_all(&set, &rules);

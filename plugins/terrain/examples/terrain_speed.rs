@@ -67,8 +67,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .collect();
     let labels: Vec<u8> = (0..width * height).map(|i| if i < width * height / 2 { 2 } else { 1 }).collect();
     let weights = MatchWeights { histograms: [1.0; 5], contrast: 1.0 }.normalised();
-    let rules =
-        ModelRules { min_points: 100, min_purity: 0.95, merge_distance: 0.02, max_models: 64, weights };
+    let rules = ModelRules {
+        min_points: 100,
+        min_purity: 0.95,
+        merge_distance: 0.02,
+        max_models: 64,
+        near_m: 4.0,
+        weights,
+    };
     let ratios = RatioBins::new(1.0);
     let mut map = TerrainMap::new(ModelSet::default())?;
     median("learning from a frame", || {

@@ -17,6 +17,7 @@ pub(crate) fn learned() -> ModelSet {
         min_purity: 0.95,
         merge_distance: 0.15,
         max_models: 16,
+        near_m: 4.0,
         weights: WEIGHTS.normalised(),
     };
     let mut map = TerrainMap::new(ModelSet::default()).unwrap();

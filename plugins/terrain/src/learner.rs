@@ -514,6 +514,7 @@ fn rules(params: &TerrainLearnerParams) -> ModelRules {
         min_purity: params.min_purity_pct / 100.0,
         merge_distance: params.merge_distance as f32,
         max_models: params.max_models as usize,
+        near_m: params.near_range_m,
         weights: weights.normalised(),
     }
 }

@@ -12,6 +12,12 @@
 //! [`SEEN_CELLS`](crate::models::SEEN_CELLS) cells. A cell gains when it comes under the vehicle, not while it stays
 //! there. Hits of the bumper add cells of obstacle in the same way, and so do outlines that an operator draws. Wheels that
 //! begin to spin add cells of both kinds: such ground is dear, and not closed.
+//!
+//! Ground looks different from afar: blades, puddles and their contrast are smaller than a pixel there. While a cell kept one
+//! model as the vehicle came nearer, its many points from near replaced what the model had looked like from afar, so
+//! experience told nothing of ground that is farther away than about 4 m. So a cell that comes near begins anew, with a model
+//! of how it looks from near. It keeps the number of the model that it belonged to from afar, which learns from experience,
+//! too, and by which it is judged while only that one has experience.
 
 use crate::frame::Window;
 use crate::judgement::{Judgement, SURE};
@@ -62,6 +68,10 @@ pub struct Cell {
     pub model: Option<u32>,
     /// Whether its points are part of that model.
     pub is_part: bool,
+    /// Whether it was seen from near; what was seen from afar no longer counts then.
+    pub is_near: bool,
+    /// Number of the model that it belonged to or resembled from afar.
+    pub far: Option<u32>,
 }
 
 /// A rectangle on the ground under or in front of the vehicle, vehicle frame, m: x forward, y left.
@@ -125,9 +135,19 @@ fn contains(outline: &[DVec2], at: DVec2) -> bool {
 /// Whether the surroundings of a cell judge it, or it them.
 fn part_in_surroundings(cell: Option<&Cell>) -> Part {
     match cell {
-        Some(cell) if cell.model.is_some() => Part::Gives,
+        Some(cell) if cell.model.or(cell.far).is_some() => Part::Gives,
         Some(cell) if cell.terrain.experience() > 0 || cell.terrain.is_labelled() => Part::Keeps,
         _ => Part::Takes,
+    }
+}
+
+impl Cell {
+    /// Forgets its points from afar, and keeps the model that they made it part of.
+    fn come_near(&mut self) {
+        self.is_near = true;
+        self.far = self.model.take();
+        self.is_part = false;
+        self.terrain.forget_points();
     }
 }
 
@@ -201,6 +221,13 @@ impl TerrainMap {
             let index = south_west.offset((place % SIDE) as i64, (place / SIDE) as i64);
             let Some(cell) = self.cells.get_mut(index) else { continue };
             let cell = Arc::make_mut(cell.get_or_insert_default());
+            let [x, y] = [place % SIDE, place / SIDE].map(|at| at as f64 - (SIDE / 2) as f64);
+            let is_near = CELL_SIZE_M * libm::hypot(x, y) <= rules.near_m;
+            if is_near && !cell.is_near {
+                cell.come_near();
+            } else if !is_near && cell.is_near {
+                continue;
+            }
             cell.terrain.merge(new);
             learned.ground += new.ground;
             learned.obstacle += new.obstacle;
@@ -269,16 +296,23 @@ impl TerrainMap {
         }
         self.models.models.remove(number);
         for index in self.cells.bounds().iter() {
-            let Some(model) = self.get(index).and_then(|cell| cell.model).map(|model| model as usize) else {
-                continue;
-            };
-            if model < number {
+            let Some(cell) = self.get(index) else { continue };
+            let gone = number as u32;
+            let [model, far] = [cell.model, cell.far].map(|model| match model {
+                Some(model) if model > gone => Some(model - 1),
+                Some(model) if model == gone => None,
+                model => model,
+            });
+            if [model, far] == [cell.model, cell.far] {
                 continue;
             }
+            let was_part = cell.is_part && cell.model == Some(gone);
             let Some(slot) = self.cells.get_mut(index) else { continue };
             match slot {
-                Some(cell) if model > number => Arc::make_mut(cell).model = Some(model as u32 - 1),
-                Some(cell) if !cell.is_part => Arc::make_mut(cell).model = None,
+                Some(cell) if !was_part => {
+                    let cell = Arc::make_mut(cell);
+                    (cell.model, cell.far) = (model, far);
+                }
                 _ => *slot = None,
             }
         }
@@ -288,12 +322,13 @@ impl TerrainMap {
     /// Updates the model numbers of cells whose models were merged.
     fn rename(&mut self, numbers: &[u32]) {
         for index in self.cells.bounds().iter() {
-            let before = self.get(index).and_then(|cell| cell.model);
-            let after = before.and_then(|number| numbers.get(number as usize).copied());
+            let Some(before) = self.get(index).map(|cell| [cell.model, cell.far]) else { continue };
+            let after = before.map(|before| before.and_then(|number| numbers.get(number as usize).copied()));
             if before != after
                 && let Some(Some(cell)) = self.cells.get_mut(index)
             {
-                Arc::make_mut(cell).model = after;
+                let cell = Arc::make_mut(cell);
+                [cell.model, cell.far] = after;
             }
         }
     }
@@ -370,7 +405,7 @@ impl TerrainMap {
                 let number = self.models.take(&cell.terrain, 1, rules, &mut signatures);
                 (cell.model, cell.is_part) = (number.map(|number| number as u32), number.is_some());
             }
-            let counts = |number: &u32| {
+            let mut counts = |number: &u32| {
                 let count = counted.entry(*number).or_default();
                 *count += 1;
                 *count <= reach.cells
@@ -381,9 +416,7 @@ impl TerrainMap {
             let obstacle = counted_if(cell.terrain.is_obstacle_by_range());
             let height_mm = if obstacle > 0 { cell.terrain.heights.obstacle_mm(vehicle_mm) } else { 0 };
             let height_mm = height_mm.min(reach.height_mm);
-            let model = cell.model.filter(counts);
-            let model = model.and_then(|number| self.models.models.get_mut(number as usize));
-            for terrain in [Some(&mut cell.terrain), model.map(|m| &mut m.terrain)].into_iter().flatten() {
+            let teach = |terrain: &mut Terrain| {
                 let count = match what {
                     Experience::Driven => &mut terrain.driven,
                     Experience::Bumped => &mut terrain.bumped,
@@ -392,6 +425,13 @@ impl TerrainMap {
                 terrain.driven_labelled = terrain.driven_labelled.saturating_add(labelled);
                 terrain.driven_obstacle = terrain.driven_obstacle.saturating_add(obstacle);
                 terrain.driven_height_mm = terrain.driven_height_mm.max(height_mm);
+            };
+            teach(&mut cell.terrain);
+            let far = cell.far.filter(|far| cell.model != Some(*far));
+            for number in [cell.model, far].into_iter().flatten().filter(|number| counts(number)) {
+                if let Some(model) = self.models.models.get_mut(number as usize) {
+                    teach(&mut model.terrain);
+                }
             }
         }
     }
@@ -423,9 +463,19 @@ impl TerrainMap {
         covered
     }
 
-    /// The model that a cell belongs to or resembles.
+    /// The number of the model by which a cell is judged: the one that it belongs to or resembles from near, or if only that
+    /// from afar has experience, that one.
+    fn number_of(&self, cell: &Cell) -> Option<u32> {
+        let is_experienced = |number: &u32| {
+            self.models.models.get(*number as usize).is_some_and(|model| model.terrain.experience() > 0)
+        };
+        let experienced = |number: Option<u32>| number.filter(is_experienced);
+        experienced(cell.model).or(experienced(cell.far)).or(cell.model)
+    }
+
+    /// The model by which a cell is judged.
     fn model_of(&self, cell: &Cell) -> Option<&Model> {
-        cell.model.and_then(|number| self.models.models.get(number as usize))
+        self.number_of(cell).and_then(|number| self.models.models.get(number as usize))
     }
 
     /// Up to this height, mm, driving tells of what looks like what was driven over: as high as any of that was.
@@ -457,7 +507,7 @@ impl TerrainMap {
             for cell in cells {
                 let cell = cell.as_deref();
                 let is_low = cell.is_none_or(|cell| self.is_low(cell, limit_mm));
-                let number = cell.and_then(|cell| cell.model);
+                let number = cell.and_then(|cell| self.number_of(cell));
                 let driven = number.and_then(|number| driven.get(number as usize)).copied().unwrap_or(0);
                 judgements.push(cell.and_then(|cell| judgement(cell, self.model_of(cell), is_low, rules)));
                 roles.push(Role { part: part_in_surroundings(cell), driven, is_low });

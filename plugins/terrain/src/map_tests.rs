@@ -11,6 +11,7 @@ const RULES: ModelRules = ModelRules {
     min_purity: 0.95,
     merge_distance: 0.15,
     max_models: 16,
+    near_m: 4.0,
     weights: MatchWeights { histograms: [0.18; 5], contrast: 0.1 },
 };
 
@@ -228,6 +229,49 @@ fn ground_on_which_the_wheels_have_spun_is_dear_wherever_it_looks_like_it_and_no
     );
     let mud = judgement(&map, CellIndex::new(50, 0));
     assert!((90..=100).contains(&mud.cost), "{mud:?}");
+}
+
+/// Centres the map on a cell of the x axis, and adds points to cells of that axis, whose textures have one bin each.
+fn look_from(map: &mut TerrainMap, vehicle: i64, cells: &[(i64, u16, u64)]) {
+    let middle = map.cells.middle_of(CellIndex::new(vehicle, 0));
+    map.recentre(middle);
+    let points: Vec<_> = cells
+        .iter()
+        .map(|&(x, texture, count)| (place(x - vehicle, 0), terrain(texture, count, 0)))
+        .collect();
+    map.learn(&points, &RULES);
+}
+
+#[test]
+fn ground_looks_different_from_afar_and_experience_teaches_both_looks() {
+    const AFAR: u16 = 7;
+    const NEAR: u16 = 0o70007;
+    let mut map = empty();
+    let of = |map: &TerrainMap, x: i64| map.get(CellIndex::new(x, 0)).unwrap().clone();
+    look_from(&mut map, 0, &[(30, AFAR, 100), (60, AFAR, 100)]);
+    // The vehicle comes near to the first of them.
+    look_from(&mut map, 20, &[(30, NEAR, 1000), (60, AFAR, 100)]);
+    assert_eq!((of(&map, 30).model, of(&map, 30).far, of(&map, 60).model), (Some(1), Some(0), Some(0)));
+    let points = |map: &TerrainMap| [0, 1].map(|number: usize| map.models.models[number].terrain.points());
+    assert_eq!(points(&map), [300, 1000], "what is seen from near does not change the look from afar");
+    let wheels = Patch { x: [-0.2, 0.2], y: [-0.3, 0.3] };
+    map.spin(&Pose::from_xy_yaw(6.1, 0.1, 0.0), &wheels, 60.0, &RULES);
+    let experienced = |number: usize| map.models.models[number].terrain.experience();
+    assert!(experienced(0) > 0 && experienced(0) == experienced(1));
+    // So the other one is known to be such ground 8 m ahead, and still is when little was seen of it from near.
+    let ahead = judgement(&map, CellIndex::new(60, 0));
+    assert!((35..=100).contains(&ahead.cost) && ahead.backing == 255, "{ahead:?}");
+    look_from(&mut map, 45, &[(60, 0o7777, 10)]);
+    assert_eq!((of(&map, 60).model, of(&map, 60).far), (None, Some(0)));
+    let near = judgement(&map, CellIndex::new(60, 0));
+    assert!((35..=100).contains(&near.cost) && near.backing == 255, "{near:?}");
+    // What has been near is not judged from afar again.
+    let before = of(&map, 30);
+    look_from(&mut map, 60, &[(30, 0o7777, 1000)]);
+    assert_eq!(of(&map, 30), before);
+    // Without the model from afar, that from near stays, and has another number.
+    assert!(map.delete(0));
+    assert_eq!((of(&map, 30).model, of(&map, 30).far), (Some(0), None));
 }
 
 #[test]

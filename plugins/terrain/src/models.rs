@@ -85,6 +85,11 @@ impl Terrain {
         self.driven.saturating_add(self.bumped)
     }
 
+    /// Forgets its points; its experience and heights stay.
+    pub fn forget_points(&mut self) {
+        (self.histograms, self.ground, self.obstacle) = (Histograms::default(), 0, 0);
+    }
+
     /// Whether range has labelled it, by enough points to say so.
     pub fn is_labelled(&self) -> bool {
         self.points() >= ALIKE_POINTS
@@ -191,6 +196,8 @@ pub struct ModelRules {
     pub merge_distance: f32,
     /// Maximum number of models.
     pub max_models: usize,
+    /// A cell is seen from near up to this distance from the vehicle, m.
+    pub near_m: f64,
     /// Weights of a match, normalised.
     pub weights: MatchWeights,
 }

@@ -9,6 +9,7 @@ pub(crate) const RULES: ModelRules = ModelRules {
     min_purity: 0.95,
     merge_distance: 0.1,
     max_models: 3,
+    near_m: 4.0,
     weights: MatchWeights { histograms: [0.2; HISTOGRAMS], contrast: 0.0 },
 };
 
