@@ -13,11 +13,11 @@
 //! there. Hits of the bumper add cells of obstacle in the same way, and so do outlines that an operator draws. Wheels that
 //! begin to spin add cells of both kinds: such ground is dear, and not closed.
 //!
-//! Ground looks different from afar: blades, puddles and their contrast are smaller than a pixel there. While a cell kept one
-//! model as the vehicle came nearer, its many points from near replaced what the model had looked like from afar, so
-//! experience told nothing of ground that is farther away than about 4 m. So a cell that comes near begins anew, with a model
-//! of how it looks from near. It keeps the number of the model that it belonged to from afar, which learns from experience,
-//! too, and by which it is judged while only that one has experience.
+//! Ground looks different from near and from afar. A cell that comes nearer to the vehicle than `near_range_m` begins anew, with
+//! a model of how it looks from near: its many points from there would otherwise replace what its model looked like from
+//! afar. It keeps the number of the model that it belonged to from afar. Experience teaches both, and the cell is judged by
+//! that one while the other has no experience. How it looks from afar later does not count any more. The paper has one look
+//! for both.
 
 use crate::frame::Window;
 use crate::judgement::{Judgement, SURE};
