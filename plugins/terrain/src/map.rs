@@ -295,9 +295,9 @@ impl TerrainMap {
             return false;
         }
         self.models.models.remove(number);
+        let gone = number as u32;
         for index in self.cells.bounds().iter() {
             let Some(cell) = self.get(index) else { continue };
-            let gone = number as u32;
             let [model, far] = [cell.model, cell.far].map(|model| match model {
                 Some(model) if model > gone => Some(model - 1),
                 Some(model) if model == gone => None,
@@ -508,8 +508,9 @@ impl TerrainMap {
                 let cell = cell.as_deref();
                 let is_low = cell.is_none_or(|cell| self.is_low(cell, limit_mm));
                 let number = cell.and_then(|cell| self.number_of(cell));
+                let model = number.and_then(|number| self.models.models.get(number as usize));
                 let driven = number.and_then(|number| driven.get(number as usize)).copied().unwrap_or(0);
-                judgements.push(cell.and_then(|cell| judgement(cell, self.model_of(cell), is_low, rules)));
+                judgements.push(cell.and_then(|cell| judgement(cell, model, is_low, rules)));
                 roles.push(Role { part: part_in_surroundings(cell), driven, is_low });
             }
         });
