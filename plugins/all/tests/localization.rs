@@ -65,6 +65,18 @@ surface = "mud"
 polygon = [[48, 40], [70, 40], [70, 80], [48, 80]]
 "#;
 
+/// Mud in which a vehicle gets on at about half the speed of its wheels.
+const SOFT_MUD: &str = r#"
+[surface.mud]
+traction = 0.34
+rolling_resistance = 0.16
+slip_at_limit = 0.7
+
+[[paint]]
+surface = "mud"
+polygon = [[48, 40], [60, 40], [60, 80], [48, 80]]
+"#;
+
 /// Slip of the wheels.
 const SLIP: &str = r#"
 [[process]]
@@ -82,6 +94,9 @@ impl Assets for Files {
         let text = match kind {
             "world" if name == "mud" => {
                 return Ok(Asset { file: name.to_owned(), text: format!("{WORLD}{MUD}") });
+            }
+            "world" if name == "soft_mud" => {
+                return Ok(Asset { file: name.to_owned(), text: format!("{WORLD}{SOFT_MUD}") });
             }
             "world" => WORLD,
             _ => include_str!("../../../assets/vehicles/lagr.toml"),
@@ -272,6 +287,27 @@ fn an_estimate_that_is_told_of_slip_counts_little_of_what_spinning_wheels_turn()
     let [without, with] = error_m[..] else { panic!("two stacks") };
     assert!(without > 6.0, "without being told, it believes the wheels: {without:.2} m");
     assert!(with < 0.5 * without, "{with:.2} m, {without:.2} m without being told");
+}
+
+#[test]
+fn what_wheels_roll_too_far_in_mud_is_taken_off_the_local_estimate_by_the_fixes() {
+    let mut drifted_m = Vec::new();
+    for stack in [STACK.replace(", gps = \"/vehicle/gps\"", ""), STACK.to_owned()] {
+        let params = [("vehicle.world", "soft_mud"), ("localization.tilt_time_s", "5")];
+        let options = RunOptions { seed: 5, ..RunOptions::default() };
+        let mut bench = Setup::new(&stack, all()).params(&params).assets(&Files).options(options).bench();
+        drive(&mut bench, 0.0, 0.0, 50);
+        let firm = drive(&mut bench, 1.2, 1.2, 140);
+        let through = drive(&mut bench, 1.2, 1.2, 360);
+        let [before, after] = [firm, through].map(|seen| *seen.last().unwrap());
+        let way_m = after.truth.translation.distance(before.truth.translation);
+        assert!((20.0..38.0).contains(&way_m), "through the mud, and with slip: {way_m} m");
+        let error = |seen: &Seen| (seen.local.translation - local_truth(&seen.truth)).truncate();
+        drifted_m.push((error(&after) - error(&before)).length());
+    }
+    let [without, with] = drifted_m[..] else { panic!("two stacks") };
+    assert!(without > 5.0, "without fixes, it believes the wheels: {without:.2} m");
+    assert!(with < 0.4 * without, "{with:.2} m, {without:.2} m without fixes");
 }
 
 #[test]

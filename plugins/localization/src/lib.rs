@@ -34,9 +34,10 @@
 //! parameter `compass_time_s` the compass also takes the drift from the gyro's heading while the vehicle drives: a bias of
 //! 0.03°/s is 4° after 140 s, by which a way of 30 m ends 2 m beside its place. It
 //! measures distance by the wheels; while they slip, by the inertial speed of the report of slip, and roll and pitch
-//! follow the gyros alone, because an acceleration that the wheels do not tell would be taken for a tilt. Without that
-//! report wheel slip makes the distance too long; the global estimate is corrected by the fixes. Neither models sideways
-//! slip.
+//! follow the gyros alone, because an acceleration that the wheels do not tell would be taken for a tilt. Slip that
+//! nothing reports makes the distance too long. The fixes tell it 5 m later ([`way_slip`]): the global estimate is
+//! corrected by them, and what the local one has counted too much is taken off its next metres ahead
+//! ([`way_slip::Slipped::share`]), so that it stays smooth. Neither models sideways slip.
 //!
 //! Noise in the covariances, with default parameters: 5 % of distance, with one error per 20 m because slip depends on
 //! the ground; 0.5° of heading per square root of a second; fixes as stated by the receiver, with errors correlated

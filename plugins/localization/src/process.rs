@@ -24,6 +24,8 @@ const SLIP_LENGTH_M: f64 = 20.0;
 const SLIPS: f64 = 0.3;
 /// Share from which on the global estimate follows the fixes: in mud the inertial speed soon tells a part of the slip only.
 const SLIPS_A_LITTLE: f64 = 0.2;
+/// Way for which a report of slip over the last metres counts, m; there is one every 0.4 m.
+const SHARE_LENGTH_M: f64 = 1.0;
 /// A report of slip counts for this time, s.
 const SLIP_TIMEOUT_S: f64 = 0.25;
 /// Time between two global estimates that are sent, ns.
@@ -54,6 +56,9 @@ pub struct Localization {
     slipping: Option<(f64, Stamp)>,
     /// Slip over the last metres, by the fixes.
     way_slip: WaySlip,
+    /// Share of what dead reckoning counts ahead that the local estimate takes for way, as it slips, and the way for which
+    /// that counts, m.
+    share: Option<(f64, f64)>,
     sent_global: Option<Stamp>,
 }
 
@@ -302,9 +307,17 @@ impl Localization {
             distance: params.distance_noise * SLIP_LENGTH_M.sqrt(),
             heading_rad: params.heading_noise_deg.to_radians(),
         };
-        local.advance(&noise, level_m, turn_rad, elapsed_s);
+        // Not backwards: what lies behind the vehicle is remembered, and not seen again.
+        let share = match &mut self.share {
+            Some((share, left_m)) if step_m > 0.0 && *left_m > 0.0 => {
+                *left_m -= level_m;
+                *share
+            }
+            _ => 1.0,
+        };
+        local.advance(&noise, share * level_m, turn_rad, elapsed_s);
         self.global.advance(&noise, level_m, turn_rad, elapsed_s);
-        self.height_m += step_m * forward.z;
+        self.height_m += share * step_m * forward.z;
         // Encoder ticks are quantised, so the speed is smoothed over a few readings.
         let faster_mps = 0.3 * (step_m / elapsed_s - self.speed_mps);
         self.speed_mps += faster_mps;
@@ -313,10 +326,15 @@ impl Localization {
         let has_fixes = self.global.age_s(time).is_some_and(|age_s| age_s <= params.gps_dropout_s);
         let Some(global) = self.global.planar().filter(|_| has_fixes) else {
             self.way_slip.clear();
+            self.share = None;
             return Ok(None);
         };
         let local_from_vehicle = Pose::new(attitude.level_from_vehicle, local.at.extend(self.height_m));
-        Ok(self.way_slip.take(time, rolled_m, global, local_from_vehicle))
+        let slipped = self.way_slip.take(time, rolled_m, level_m, global, local_from_vehicle);
+        if let Some(slipped) = &slipped {
+            self.share = Some((slipped.share(), SHARE_LENGTH_M));
+        }
+        Ok(slipped)
     }
 
     fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams) -> Result<(), String> {
@@ -356,6 +374,7 @@ impl Localization {
             )),
             Verdict::Began => {
                 self.way_slip.clear();
+                self.share = None;
                 Ok(())
             }
             Verdict::Used | Verdict::Waits => Ok(()),

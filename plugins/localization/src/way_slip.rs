@@ -20,12 +20,18 @@ const STEP_M: f64 = 0.2;
 /// Share of the way of the wheels by which the estimate may have moved sideways. Slip moves it along the heading; else the
 /// fixes correct something different.
 const MOST_ACROSS: f64 = 0.25;
+/// Least and greatest share of the way of dead reckoning that is taken off: less may be noise of the fixes, and a vehicle
+/// that gets free must not seem to stand.
+const LEAST_CORRECTED: f64 = 0.15;
+const MOST_CORRECTED: f64 = 0.6;
 
 /// Sums since the start, and where the vehicle was.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Sample {
     time: Stamp,
     rolled_m: f64,
+    /// Way by dead reckoning, without sign.
+    reckoned_m: f64,
     /// Way in the global frame: along the heading, in the direction in which the wheels turned, and across it.
     moved: DVec2,
     local_from_vehicle: Pose,
@@ -38,6 +44,8 @@ pub struct Slipped {
     pub since: Stamp,
     /// Way that the wheels have rolled, without sign, m.
     pub rolled_m: f64,
+    /// Way by dead reckoning, without sign, m: shorter than that of the wheels where inertial sensors told slip.
+    pub reckoned_m: f64,
     /// Way that the vehicle has moved with them, m.
     pub moved_m: f64,
     /// Where the vehicle was in the middle of these metres.
@@ -49,6 +57,13 @@ impl Slipped {
     pub fn slip(&self) -> f64 {
         (1.0 - self.moved_m / self.rolled_m).clamp(0.0, 1.0)
     }
+
+    /// Share of the next metres of dead reckoning that is taken for way, 0.4 to 1: what it has counted too much is made up
+    /// for while the window passes it.
+    pub fn share(&self) -> f64 {
+        let excess = 1.0 - self.moved_m / self.reckoned_m;
+        if excess >= LEAST_CORRECTED { 1.0 - excess.min(MOST_CORRECTED) } else { 1.0 }
+    }
 }
 
 /// The last metres.
@@ -57,6 +72,7 @@ pub struct WaySlip {
     /// By time, [`STEP_M`] apart; every second one was reported.
     samples: VecDeque<Sample>,
     rolled_m: f64,
+    reckoned_m: f64,
     moved: DVec2,
     /// Where the global estimate was at the last call, m.
     before: Option<DVec2>,
@@ -69,11 +85,12 @@ impl WaySlip {
         *self = WaySlip::default();
     }
 
-    /// Takes a way of the wheels, m, and both estimates after it. Says what they tell together, now and then.
+    /// Takes a way of the wheels and by dead reckoning, m, and both estimates after it. Says what they tell together, now and then.
     pub fn take(
         &mut self,
         time: Stamp,
         step_m: f64,
+        reckoned_m: f64,
         global: &Planar,
         local_from_vehicle: Pose,
     ) -> Option<Slipped> {
@@ -83,12 +100,13 @@ impl WaySlip {
             let ahead = DVec2::from_angle(global.yaw_rad) * step_m.signum();
             self.moved += DVec2::new(moved.dot(ahead), moved.perp_dot(ahead));
             self.rolled_m += step_m.abs();
+            self.reckoned_m += reckoned_m.abs();
         }
         if self.samples.back().is_some_and(|last| self.rolled_m - last.rolled_m < STEP_M) {
             return None;
         }
-        let (rolled_m, moved) = (self.rolled_m, self.moved);
-        self.samples.push_back(Sample { time, rolled_m, moved, local_from_vehicle });
+        let (rolled_m, reckoned_m, moved) = (self.rolled_m, self.reckoned_m, self.moved);
+        self.samples.push_back(Sample { time, rolled_m, reckoned_m, moved, local_from_vehicle });
         while self.samples.get(1).is_some_and(|second| rolled_m - second.rolled_m >= WINDOW_M) {
             self.samples.pop_front();
         }
@@ -101,6 +119,7 @@ impl WaySlip {
         (across_m.abs() <= MOST_ACROSS * way_m).then_some(Slipped {
             since: first.time,
             rolled_m: way_m,
+            reckoned_m: reckoned_m - first.reckoned_m,
             moved_m,
             middle: middle.local_from_vehicle,
         })
@@ -118,7 +137,8 @@ mod tests {
         let take = |time_s: f64| {
             let global = Planar::new(at(time_s), 0.0, 1.0, 0.0);
             let local = Pose::from_xy_yaw(roll_mps * time_s, 0.0, 0.0);
-            slip.take(Stamp((time_s * 1e9) as u64), roll_mps / 50.0, &global, local)
+            let step_m = roll_mps / 50.0;
+            slip.take(Stamp((time_s * 1e9) as u64), step_m, step_m, &global, local)
         };
         times.filter_map(take).collect()
     }
@@ -150,6 +170,35 @@ mod tests {
         };
         assert!(slip_at(7.0) < 0.05 && slip_at(13.0) > 0.45, "{} {}", slip_at(7.0), slip_at(13.0));
         assert!((0.2..0.3).contains(&slip_at(10.0)), "{}", slip_at(10.0));
+    }
+
+    #[test]
+    fn what_dead_reckoning_counted_too_much_in_mud_is_made_up_for_when_the_window_has_passed_it() {
+        // 8 m of mud, from 10 m on, in which the vehicle makes half of its way.
+        let at = |rolled_m: f64| rolled_m - 0.5 * (rolled_m - 10.0).clamp(0.0, 8.0);
+        let told = told(|time_s| DVec2::new(at(time_s), 0.0), 1.0);
+        // Every report counts until the next one.
+        let corrected_m = |until_m: f64| {
+            let ahead: Vec<_> = told.iter().map(|slipped| slipped.middle.translation.x + 2.5).collect();
+            let pairs = told.iter().zip(ahead.windows(2)).filter(|(_, pair)| pair[1] <= until_m);
+            pairs.map(|(slipped, pair)| (1.0 - slipped.share()) * (pair[1] - pair[0])).sum::<f64>()
+        };
+        assert_eq!(corrected_m(10.0), 0.0);
+        let (half_m, all_m) = (corrected_m(15.5), corrected_m(25.0));
+        // A rest of it is less than what may be noise.
+        assert!((1.0..1.5).contains(&half_m) && (3.2..4.0).contains(&all_m), "{half_m} {all_m}");
+    }
+
+    #[test]
+    fn a_share_keeps_the_vehicle_moving_and_leaves_noise_of_the_fixes_alone() {
+        let share = |moved_m: f64, reckoned_m: f64| {
+            let middle = Pose::IDENTITY;
+            Slipped { since: Stamp(0), rolled_m: 5.0, reckoned_m, moved_m, middle }.share()
+        };
+        assert_eq!([share(4.5, 5.0), share(2.5, 5.0), share(6.0, 5.0)], [1.0, 0.5, 1.0]);
+        assert!((share(-1.0, 5.0) - 0.4).abs() < 1e-9);
+        assert_eq!(share(2.5, 2.5), 1.0, "the inertial sensors have told all of it");
+        assert_eq!(share(0.0, 0.0), 1.0, "nothing was counted");
     }
 
     #[test]

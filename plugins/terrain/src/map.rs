@@ -132,10 +132,10 @@ fn contains(outline: &[DVec2], at: DVec2) -> bool {
     crossed.count() % 2 == 1
 }
 
-/// Whether the surroundings of a cell judge it, or it them.
-fn part_in_surroundings(cell: Option<&Cell>) -> Part {
+/// Whether the surroundings of a cell judge it, or it them; `number`: of the model by which the cell is judged.
+fn part_in_surroundings(cell: Option<&Cell>, number: Option<u32>) -> Part {
     match cell {
-        Some(cell) if cell.model.or(cell.far).is_some() => Part::Gives,
+        _ if number.is_some() => Part::Gives,
         Some(cell) if cell.terrain.experience() > 0 || cell.terrain.is_labelled() => Part::Keeps,
         _ => Part::Takes,
     }
@@ -511,7 +511,7 @@ impl TerrainMap {
                 let model = number.and_then(|number| self.models.models.get(number as usize));
                 let driven = number.and_then(|number| driven.get(number as usize)).copied().unwrap_or(0);
                 judgements.push(cell.and_then(|cell| judgement(cell, model, is_low, rules)));
-                roles.push(Role { part: part_in_surroundings(cell), driven, is_low });
+                roles.push(Role { part: part_in_surroundings(cell, number), driven, is_low });
             }
         });
         spread(&mut judgements, &roles, SIDE);

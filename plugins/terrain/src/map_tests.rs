@@ -275,6 +275,21 @@ fn ground_looks_different_from_afar_and_experience_teaches_both_looks() {
 }
 
 #[test]
+fn a_look_from_afar_without_experience_does_not_count_for_the_surroundings_of_a_cell() {
+    const AFAR: u16 = 7;
+    let mut map = empty();
+    look_from(&mut map, 0, &[(30, AFAR, 100)]);
+    // From near, too little is seen of it to compare it.
+    look_from(&mut map, 20, &[(30, 0o70007, 1)]);
+    let cell = map.get(CellIndex::new(30, 0)).unwrap();
+    assert_eq!((cell.model, cell.far), (None, Some(0)));
+    assert_eq!(part_in_surroundings(Some(cell), map.number_of(cell)), Part::Takes);
+    map.models.models[0].terrain.driven = 10;
+    let cell = map.get(CellIndex::new(30, 0)).unwrap();
+    assert_eq!(part_in_surroundings(Some(cell), map.number_of(cell)), Part::Gives);
+}
+
+#[test]
 fn scrolling_keeps_cells_as_they_are_and_forgets_what_leaves() {
     let mut map = empty();
     learn_scene(&mut map, &Scene::new([320, 240], Pose::IDENTITY, 6.0, 3.0, 2));
