@@ -341,9 +341,8 @@ impl WaypointFollower {
             Some(Action::Shake) => {
                 let now = cx.now();
                 let began = self.modes.active().map_or(now, |(_, began)| began);
-                let [speed_mps, yaw_rate_radps] =
-                    shaken(&mut self.shakes, &style, now.seconds_since(began), now, cx.rng());
-                (None, [careful(&scored, speed_mps), yaw_rate_radps])
+                let order = shaken(&mut self.shakes, &style, now.seconds_since(began), now, cx.rng());
+                (None, [careful(&scored, &style, order), order[1]])
             }
         };
         if obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow) {

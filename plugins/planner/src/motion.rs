@@ -49,6 +49,11 @@ impl Style {
                 .map_or(0.0, |&(_, cost)| f64::from(cost) / f64::from(MAX_COST)),
         }
     }
+
+    /// Speed from which the vehicle can stop on a free way, m/s.
+    fn stops_mps(&self, free_m: f64) -> f64 {
+        libm::sqrt(2.0 * self.braking_mps2 * (free_m - self.stop_margin_m).max(0.0))
+    }
 }
 
 /// Speed along an arc, m/s, and turn rate, rad/s.
@@ -63,8 +68,7 @@ pub(crate) fn speeds(chosen: &Scored, style: &Style) -> [f64; 2] {
                 Motion::Backward => (-1.0, style.backward_speed_mps),
                 _ => (1.0, style.max_speed_mps),
             };
-            let braking_m = (chosen.free_m - style.stop_margin_m).max(0.0);
-            let stops = libm::sqrt(2.0 * style.braking_mps2 * braking_m);
+            let stops = style.stops_mps(chosen.free_m);
             let bends = turn / curvature_per_m.abs().max(1e-6);
             let dear = ((chosen.mean_cost - style.clear_cost) / (1.0 - style.clear_cost)).max(0.0);
             let slowed = limit_mps * (1.0 - style.cost_slowdown * dear);
@@ -124,24 +128,27 @@ pub(crate) fn shaken(
     order
 }
 
-/// Speed at which a vehicle that shakes itself free touches what is known to be in its way, m/s: slower than what counts as
-/// a collision.
+/// Speed at which the bumper of a vehicle that shakes itself free touches what is known to be in its way, m/s: slower than
+/// what counts as a collision.
 const TOUCH_MPS: f64 = 0.25;
+/// Least free way behind a vehicle that shakes itself free, m: on a slope it slides on, and its back has no bumper.
+const ROOM_BEHIND_M: f64 = 0.9;
 
-/// The speed of the action SHAKE, m/s: where no arc in its direction is free, it moves in the other one; where none is free
-/// in either, it moves slowly, because it may have to move all the same.
-pub(crate) fn careful(scored: &[Scored], speed_mps: f64) -> f64 {
-    let is_free = |motion| scored.iter().any(|scored| scored.arc.motion == motion && scored.open);
-    let (along, against) = if speed_mps < 0.0 {
-        (Motion::Backward, Motion::Forward)
-    } else {
-        (Motion::Forward, Motion::Backward)
+/// The speed of the action SHAKE, m/s, for an order of speed and turn rate: where the arc nearest to it is not free, the
+/// vehicle moves in the other direction; where that is not free either, slowly ahead, because it may have to move all the
+/// same.
+pub(crate) fn careful(scored: &[Scored], style: &Style, [speed_mps, yaw_rate_radps]: [f64; 2]) -> f64 {
+    let limited = |speed_mps: f64| {
+        let (motion, least_m) =
+            if speed_mps < 0.0 { (Motion::Backward, ROOM_BEHIND_M) } else { (Motion::Forward, 0.0) };
+        let off = |scored: &&Scored| (scored.arc.curvature_per_m * speed_mps - yaw_rate_radps).abs();
+        let arcs = scored.iter().filter(|scored| scored.arc.motion == motion);
+        let nearest = arcs.min_by(|a, b| off(a).total_cmp(&off(b)));
+        let free = nearest.filter(|scored| scored.open && scored.free_m >= least_m)?;
+        Some(speed_mps.signum() * speed_mps.abs().min(style.stops_mps(free.free_m)))
     };
-    match (is_free(along), is_free(against)) {
-        (true, _) => speed_mps,
-        (false, true) => -speed_mps,
-        (false, false) => speed_mps.clamp(-TOUCH_MPS, TOUCH_MPS),
-    }
+    let touching_mps = || speed_mps.abs().min(TOUCH_MPS);
+    limited(speed_mps).or_else(|| limited(-speed_mps)).unwrap_or_else(touching_mps)
 }
 
 /// Poses along an arc, every 0.2 m.
@@ -238,6 +245,40 @@ mod tests {
             assert!((speed_mps - side * libm::sqrt(0.1)).abs() < 1e-9, "{motion:?}: {speed_mps}");
             assert_eq!(speeds_of(motion, 0.0, 0.2)[0], side * 0.25, "{motion:?}");
         }
+    }
+
+    #[test]
+    fn a_vehicle_that_shakes_itself_free_moves_where_it_is_free_and_touches_with_its_bumper_alone() {
+        let style = Style::new(
+            &WaypointFollowerParams {
+                max_speed_mps: 1.0,
+                braking_mps2: 0.5,
+                stop_margin_m: 0.3,
+                ..WaypointFollowerParams::default()
+            },
+            None,
+        );
+        let arc = |motion, curvature_per_m, free_m: f64| {
+            let arc = Arc { motion, curvature_per_m };
+            Scored { arc, free_m, mean_cost: 0.0, terms: [0.0; 6], open: free_m >= 0.6 }
+        };
+        // Free lengths ahead, straight back, and back in a bend.
+        let speed = |[ahead_m, back_m, bent_m]: [f64; 3], order: [f64; 2]| {
+            let arcs = [
+                arc(Motion::Forward, 0.0, ahead_m),
+                arc(Motion::Backward, 0.0, back_m),
+                arc(Motion::Backward, 1.0, bent_m),
+            ];
+            careful(&arcs, &style, order)
+        };
+        assert_eq!(speed([3.0, 1.0, 0.0], [-0.5, 0.0]), -0.5);
+        assert_eq!(speed([3.0, 0.7, 1.0], [-0.5, 0.0]), 0.5, "a bend that is free is not what it drives");
+        assert_eq!(speed([3.0, 0.0, 1.0], [-0.5, -0.5]), -0.5);
+        assert_eq!(speed([0.0, 1.0, 0.0], [0.6, 0.0]), -0.6);
+        assert_eq!(speed([0.0, 0.7, 0.0], [-0.5, 0.0]), TOUCH_MPS, "nothing is free: its back has no bumper");
+        assert_eq!(speed([0.0, 0.7, 0.0], [-0.1, 0.0]), 0.1);
+        let short = speed([0.6, 0.0, 0.0], [1.0, 0.0]);
+        assert!((short - libm::sqrt(0.3)).abs() < 1e-9, "it can stop: {short}");
     }
 
     #[test]
