@@ -56,8 +56,8 @@ pub struct Localization {
     slipping: Option<(f64, Stamp)>,
     /// Slip over the last metres, by the fixes.
     way_slip: WaySlip,
-    /// Share of what dead reckoning counts ahead that the local estimate takes for way, as it slips, and the way for which
-    /// that counts, m.
+    /// Share of the way of dead reckoning that counts in the local estimate, by the last report of slip, and the way for which
+    /// that report still counts, m.
     share: Option<(f64, f64)>,
     sent_global: Option<Stamp>,
 }
