@@ -24,8 +24,6 @@ const SLIP_LENGTH_M: f64 = 20.0;
 const SLIPS: f64 = 0.3;
 /// Share from which on the global estimate follows the fixes: in mud the inertial speed soon tells a part of the slip only.
 const SLIPS_A_LITTLE: f64 = 0.2;
-/// Way for which a report of slip over the last metres counts, m; there is one every 0.4 m.
-const SHARE_LENGTH_M: f64 = 1.0;
 /// A report of slip counts for this time, s.
 const SLIP_TIMEOUT_S: f64 = 0.25;
 /// Time between two global estimates that are sent, ns.
@@ -56,9 +54,6 @@ pub struct Localization {
     slipping: Option<(f64, Stamp)>,
     /// Slip over the last metres, by the fixes.
     way_slip: WaySlip,
-    /// Share of the way of dead reckoning that counts in the local estimate, by the last report of slip, and the way for which
-    /// that report still counts, m.
-    share: Option<(f64, f64)>,
     sent_global: Option<Stamp>,
 }
 
@@ -308,13 +303,7 @@ impl Localization {
             heading_rad: params.heading_noise_deg.to_radians(),
         };
         // Not backwards: what lies behind the vehicle is remembered, and not seen again.
-        let share = match &mut self.share {
-            Some((share, left_m)) if step_m > 0.0 && *left_m > 0.0 => {
-                *left_m -= level_m;
-                *share
-            }
-            _ => 1.0,
-        };
+        let share = if step_m > 0.0 { self.way_slip.share_of(level_m) } else { 1.0 };
         local.advance(&noise, share * level_m, turn_rad, elapsed_s);
         self.global.advance(&noise, level_m, turn_rad, elapsed_s);
         self.height_m += share * step_m * forward.z;
@@ -326,15 +315,10 @@ impl Localization {
         let has_fixes = self.global.age_s(time).is_some_and(|age_s| age_s <= params.gps_dropout_s);
         let Some(global) = self.global.planar().filter(|_| has_fixes) else {
             self.way_slip.clear();
-            self.share = None;
             return Ok(None);
         };
         let local_from_vehicle = Pose::new(attitude.level_from_vehicle, local.at.extend(self.height_m));
-        let slipped = self.way_slip.take(time, rolled_m, level_m, global, local_from_vehicle);
-        if let Some(slipped) = &slipped {
-            self.share = Some((slipped.share(), SHARE_LENGTH_M));
-        }
-        Ok(slipped)
+        Ok(self.way_slip.take(time, rolled_m, level_m, global, local_from_vehicle))
     }
 
     fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams) -> Result<(), String> {
@@ -374,7 +358,6 @@ impl Localization {
             )),
             Verdict::Began => {
                 self.way_slip.clear();
-                self.share = None;
                 Ok(())
             }
             Verdict::Used | Verdict::Waits => Ok(()),

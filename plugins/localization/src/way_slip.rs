@@ -27,6 +27,8 @@ const MOST_ACROSS: f64 = 0.25;
 /// that gets free must not seem to stand.
 const LEAST_CORRECTED: f64 = 0.15;
 const MOST_CORRECTED: f64 = 0.6;
+/// Way by dead reckoning for which a report tells what share of it counts, m; there is a report every 0.4 m.
+const SHARE_LENGTH_M: f64 = 1.0;
 
 /// Sums since the start, and where the vehicle was.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,6 +82,8 @@ pub struct WaySlip {
     /// Where the global estimate was at the last call, m.
     before: Option<DVec2>,
     is_odd: bool,
+    /// [`Slipped::share`] of the last report, and the way for which it still counts, m.
+    share: Option<(f64, f64)>,
 }
 
 impl WaySlip {
@@ -120,13 +124,28 @@ impl WaySlip {
         let way_m = rolled_m - first.rolled_m;
         let DVec2 { x: moved_m, y: across_m } = moved - first.moved;
         let middle = self.samples.iter().find(|sample| sample.rolled_m - first.rolled_m >= way_m / 2.0)?;
-        (across_m.abs() <= MOST_ACROSS * way_m).then_some(Slipped {
+        let slipped = Slipped {
             since: first.time,
             rolled_m: way_m,
             reckoned_m: reckoned_m - first.reckoned_m,
             moved_m,
             middle: middle.local_from_vehicle,
+        };
+        (across_m.abs() <= MOST_ACROSS * way_m).then(|| {
+            self.share = Some((slipped.share(), SHARE_LENGTH_M));
+            slipped
         })
+    }
+
+    /// The share of the next way by dead reckoning, m, that counts, 0.4 to 1.
+    pub fn share_of(&mut self, reckoned_m: f64) -> f64 {
+        match &mut self.share {
+            Some((share, left_m)) if *left_m > 0.0 => {
+                *left_m -= reckoned_m;
+                *share
+            }
+            _ => 1.0,
+        }
     }
 }
 
