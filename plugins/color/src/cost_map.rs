@@ -98,7 +98,9 @@ impl<'a> Ground<'a> {
             let is_hidden = |column: usize, foot: &Foot| {
                 let at = camera + turn * view.place(foot.row, column);
                 screens.is_some_and(|screens| {
-                    screens.hides(camera, at) || screens.towers_over(camera, at, shape.height_m)
+                    screens.hides(camera, at)
+                        || screens.towers_over(camera, at, shape.height_m)
+                        || screens.shows_ground(camera, at, up, above_m, shape.height_m)
                 })
             };
             let seen = |feet: Vec<Option<Foot>>| -> Vec<Option<Foot>> {

@@ -5,6 +5,9 @@
 //! high enough to hide it, the pixels show that obstacle. So they do where one stands at the foot, or close to it, that is
 //! clearly higher than the known obstacle. Only what was seen by its shape or touched counts (stereo, infrared, bumper):
 //! known obstacles must not hide each other, and themselves, by where they were placed before.
+//!
+//! A slope of soil has the colour of a known obstacle in the shade, too, and reaches up to the horizon as one does. Where
+//! the ground behind a foot rises so that its pixels show that ground, there is none.
 
 use crate::gate::{SOLID, is_obstacle_of};
 use glam::DVec3;
@@ -19,6 +22,10 @@ const SAME_SHARE: f64 = 0.1;
 const HIGHER: f64 = 1.3;
 /// Ground before it may look like the known obstacle, too, so that its foot seems to be nearer by this much more, m.
 const BEFORE_M: f64 = 0.5;
+/// Ground behind a foot is looked for where a ray through the middle of the known obstacle passes, from this distance behind
+/// it, m, up to this share of the distance at which the ray meets level ground.
+const BEHIND_M: f64 = 0.4;
+const BEFORE_LEVEL: f64 = 0.75;
 /// Nothing nearer to the camera than this, m, is looked at.
 const NEAREST_M: f64 = 0.5;
 
@@ -26,6 +33,7 @@ const NEAREST_M: f64 = 0.5;
 pub struct Screens<'a> {
     solid: Vec<Field<'a>>,
     top: Field<'a>,
+    ground: Option<Field<'a>>,
     grid_from_frame: Pose,
     cell_size_m: f64,
 }
@@ -38,7 +46,8 @@ impl<'a> Screens<'a> {
         let size = map.cell_size_m();
         let cell_size_m = size.x.min(size.y);
         let grid_from_frame = map.frame_from_grid().inverse();
-        (cell_size_m > 0.0).then_some(Screens { solid, top, grid_from_frame, cell_size_m })
+        let ground = map.field("ground.mean").ok();
+        (cell_size_m > 0.0).then_some(Screens { solid, top, ground, grid_from_frame, cell_size_m })
     }
 
     /// Whether one of them hides a place on the ground from the camera, and is not there itself. Positions in the frame of
@@ -66,14 +75,37 @@ impl<'a> Screens<'a> {
         })
     }
 
+    /// Whether the camera, which stands `above_m` (m) above the plane of a foot whose normal is `up`, sees rising ground where
+    /// the middle of a known obstacle of this height, m, would be.
+    pub fn shows_ground(&self, camera: DVec3, foot: DVec3, up: DVec3, above_m: f64, height_m: f64) -> bool {
+        let Some(ground) = &self.ground else { return false };
+        let part = 0.5 * height_m / above_m;
+        let middle = foot + up * (0.5 * height_m) - camera;
+        let distance_m = (foot - camera).truncate().length();
+        // On level ground, the ray goes on for as far as it is high above the plane, as a part of the camera's height.
+        let level_m = if part < 1.0 { distance_m * part / (1.0 - part) } else { f64::INFINITY };
+        let end_m = (BEFORE_LEVEL * level_m).min(distance_m);
+        let steps = ((end_m - BEHIND_M) / self.cell_size_m).floor().clamp(-1.0, 1e4) as i64;
+        (0..=steps).any(|step| {
+            let behind_m = BEHIND_M + step as f64 * self.cell_size_m;
+            let point = camera + middle * (1.0 + behind_m / distance_m);
+            let height_m = self.cell_of(point).and_then(|(column, row)| ground.get(column, row));
+            height_m.is_some_and(|height_m| height_m.is_finite() && height_m >= point.z)
+        })
+    }
+
     /// Whether the obstacle in the cell of a point is as high as the point.
     fn reaches(&self, point: DVec3) -> bool {
+        self.cell_of(point).is_some_and(|(column, row)| {
+            self.solid.iter().any(|field| is_obstacle_of(field, column, row))
+                && self.top.get(column, row).is_some_and(|top| top.is_finite() && top >= point.z)
+        })
+    }
+
+    /// Column and row of a point.
+    fn cell_of(&self, point: DVec3) -> Option<(usize, usize)> {
         let at = self.grid_from_frame * point / self.cell_size_m;
-        let (column, row) = (at.x as usize, at.y as usize);
-        let is_inside = at.x >= 0.0 && at.y >= 0.0;
-        is_inside
-            && self.solid.iter().any(|field| is_obstacle_of(field, column, row))
-            && self.top.get(column, row).is_some_and(|top| top.is_finite() && top >= point.z)
+        (at.x >= 0.0 && at.y >= 0.0).then_some((at.x as usize, at.y as usize))
     }
 }
 
@@ -143,6 +175,32 @@ pub(crate) mod tests {
         assert_eq!([2.0, 3.1, 4.2].map(|x| is_other(1.5, x)), [true; 3]);
         assert_eq!([1.4, 5.0].map(|x| is_other(1.5, x)), [false; 2]);
         assert!(!is_other(1.2, 3.1), "it may be the known obstacle itself");
+    }
+
+    #[test]
+    fn a_slope_behind_a_foot_is_what_its_pixels_show() {
+        // Ground that rises by this from 4 m on; a ray to 0.5 m above a foot at 4 m meets level ground at 8 m.
+        let is_slope = |rise: f32| {
+            let mut map = Map::new(0.2).unwrap();
+            map.recentre(DVec2::ZERO).unwrap();
+            for step in 0..50 {
+                let x = 0.2 * f64::from(step) + 0.1;
+                let index = map.grid().cell_at(DVec2::new(x, 0.1)).unwrap();
+                map.vote(index, Source::STEREO, 0, 1, Stamp(1), VoteRule::default());
+                let mut heights = HeightStats::default();
+                heights.add(rise * (x as f32 - 4.0).max(0.0));
+                let cell = map.cell_mut(index).unwrap();
+                cell.observe_heights(&heights, &HeightStats::default(), 0.2, Stamp(1), VoteRule::default());
+            }
+            let sources: Sources = [Source::STEREO].into_iter().collect();
+            let options = MapOptions { sources, heights: true, weights: Weights::default() };
+            let grid = map.to_grid("local", Stamp(1), &options);
+            let view = GridView::new(&grid).unwrap();
+            let foot = DVec3::new(4.1, 0.1, 0.0);
+            Screens::of(&view).unwrap().shows_ground(CAMERA, foot, DVec3::Z, 1.0, 1.0)
+        };
+        // At 7 m, three quarters of the way, the ray is 0.14 m high.
+        assert_eq!([0.0, 0.03, 0.07, 0.2].map(is_slope), [false, false, true, true]);
     }
 
     #[test]
