@@ -345,12 +345,9 @@ impl WaypointFollower {
                 (None, [careful(&scored, &style, order), order[1]])
             }
         };
-        if obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow) {
-            let no_arc = target.is_some() && chosen.is_none();
-            self.watch.take_blocked(self.no_way || no_arc, cx.now());
-        } else {
-            self.watch.take_blocked(self.no_way, cx.now());
-        }
+        let follows = obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow);
+        let no_arc = follows && target.is_some() && chosen.is_none();
+        self.watch.take_blocked(self.no_way, no_arc, cx.now());
         self.watch.take_order([speed_mps, yaw_rate_radps], position, cx.now());
         send(ports, speed_mps, yaw_rate_radps, cx);
         self.before_per_m = match chosen.map(|at| scored[at].arc) {
@@ -371,7 +368,7 @@ impl WaypointFollower {
     fn stand(&mut self, ports: &Ports, why: String, cx: &mut Cycle<'_>) {
         send(ports, 0.0, 0.0, cx);
         self.watch.take_order([0.0; 2], DVec2::ZERO, cx.now());
-        self.watch.take_blocked(false, cx.now());
+        self.watch.take_blocked(false, false, cx.now());
         cx.error(why);
     }
 }

@@ -24,6 +24,8 @@ pub(crate) struct Watch {
     way_slip: Option<(f64, Stamp)>,
     /// Since when there has been no path that can be driven.
     blocked: Option<Stamp>,
+    /// Since when no arc has been free, although there is a path.
+    no_arc: Option<Stamp>,
     /// Where and when the vehicle, told to move, was when it had moved last.
     still: Option<((f64, f64), Stamp)>,
     /// The same with [`STAYED_M`], and for turns on the spot, too.
@@ -52,9 +54,11 @@ impl Watch {
         }
     }
 
-    /// Whether there is a path that can be driven.
-    pub(crate) fn take_blocked(&mut self, is_blocked: bool, now: Stamp) {
-        self.blocked = is_blocked.then(|| self.blocked.unwrap_or(now));
+    /// Whether the planner has found no way, and whether no arc is free.
+    pub(crate) fn take_blocked(&mut self, no_way: bool, no_arc: bool, now: Stamp) {
+        let since = |is_so: bool, before: Option<Stamp>| is_so.then(|| before.unwrap_or(now));
+        self.blocked = since(no_way || no_arc, self.blocked);
+        self.no_arc = since(no_arc && !no_way, self.no_arc);
     }
 
     /// What the vehicle is told to do from now on, m/s and rad/s.
@@ -106,6 +110,7 @@ impl Watch {
         set(Signal::RollDeg, roll_rad.to_degrees().abs());
         set(Signal::RoomM, room_m);
         set(Signal::BlockedS, since(self.blocked));
+        set(Signal::NoArcS, since(self.no_arc));
         set(Signal::StayedS, since(self.stayed.map(|(_, at)| at)));
         set(Signal::StuckS, since(self.still.map(|(_, at)| at)));
         let began = DVec2::from(self.began);
@@ -123,8 +128,8 @@ mod tests {
     fn signals_count_times_and_distances() {
         let at = |seconds: u64| Stamp(seconds * 1_000_000_000);
         let mut watch = Watch::default();
-        watch.take_blocked(true, at(1));
-        watch.take_blocked(true, at(2));
+        watch.take_blocked(true, false, at(1));
+        watch.take_blocked(false, true, at(2));
         watch.take_order([0.5, 0.0], DVec2::ZERO, at(1));
         watch.take_order([0.5, 0.0], DVec2::new(0.1, 0.0), at(3));
         watch.begin(DVec2::new(0.0, 1.0), at(1));
@@ -138,6 +143,7 @@ mod tests {
             (Signal::Slip, 0.7),
             (Signal::MotorA, 12.0),
             (Signal::BlockedS, 3.0),
+            (Signal::NoArcS, 2.0),
             (Signal::StuckS, 1.0),
             (Signal::StayedS, 2.0),
             (Signal::MovedM, 1.0),
@@ -159,7 +165,13 @@ mod tests {
         assert_eq!(way_slip(&watch), 0.0, "it began before the mode changed");
         watch.take_way_slip(&slipped(1), at(4));
         assert_eq!(way_slip(&watch), 0.8);
-        watch.take_blocked(false, at(6));
-        assert!(watch.signals(&climbs, true, 0.3, None, at(6))[Signal::BlockedS as usize].abs() < 1e-9);
+        let blocked = |watch: &Watch| {
+            let signals = watch.signals(&climbs, true, 0.3, None, at(7));
+            [Signal::BlockedS, Signal::NoArcS].map(|signal| signals[signal as usize])
+        };
+        watch.take_blocked(true, true, at(6));
+        assert_eq!(blocked(&watch), [6.0, 0.0], "there is no path");
+        watch.take_blocked(false, false, at(6));
+        assert_eq!(blocked(&watch), [0.0; 2]);
     }
 }

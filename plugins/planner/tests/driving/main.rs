@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod goal;
+mod modes;
 mod slips;
 
 use rcs_geom::{DVec2, Pose};
@@ -13,7 +14,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{ArcChoice, Mission, PlanePoint, PlanePolygon, ProcessState};
 use rcs_msg::{Stamp, rcs};
-use rcs_planner::proto::{ModeEvent, UtmGoal};
+use rcs_planner::proto::UtmGoal;
 use rcs_planner::{AStarPlanner, WaypointFollower, WaypointGenerator, WaypointGeneratorCommand};
 use rcs_runtime::{CommandSet, ProcessType};
 use rcs_sense::pose_message;
@@ -215,17 +216,6 @@ fn without_map_pose_or_path_it_stands_and_says_why() {
 }
 
 #[test]
-fn after_a_bumper_hit_it_backs_up_and_goes_on() {
-    let mut bench = start(&FILES);
-    cycle(&mut bench, 0.0, 0.0, free, 12);
-    bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
-    cycle(&mut bench, 0.0, 0.0, free, 2);
-    assert!(drive(&bench).0 < 0.0, "{}", story(&bench));
-    cycle(&mut bench, -0.6, 0.0, free, 2);
-    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
-}
-
-#[test]
 fn no_goal_and_a_goal_in_another_zone_are_told_and_a_command_gives_another() {
     let mut bench = start(&[("generator.world", "w")]);
     cycle(&mut bench, 0.0, 0.0, free, 6);
@@ -253,102 +243,6 @@ fn ring(at: DVec2) -> u8 {
     if (2.0..2.6).contains(&at.length()) { 250 } else { 0 }
 }
 
-fn mode(bench: &Bench) -> (String, String) {
-    let event: Option<ModeEvent> = bench.newest("/follower/modes");
-    event.map_or_else(Default::default, |event| (event.to, event.reason))
-}
-
-#[test]
-fn without_a_way_it_is_aggressive_for_a_while_and_says_why() {
-    let mut bench = start(&FILES);
-    cycle(&mut bench, 0.0, 0.0, ring, 60);
-    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
-    let (state, text) = status(&bench, "planner");
-    assert!(state == ProcessState::Error && text.starts_with("no way to the goal"), "{text}");
-    cycle(&mut bench, 0.0, 0.0, ring, 40);
-    assert!(drive(&bench).0 > 0.2, "{}", story(&bench));
-    let (name, reason) = mode(&bench);
-    assert!(name == "AGGRESSIVE" && reason.starts_with("blocked_s is 4.0"), "{name}: {reason}");
-    cycle(&mut bench, 3.2, 0.0, ring, 2);
-    let (name, reason) = mode(&bench);
-    assert!(name.is_empty() && reason.starts_with("moved_m is 3.2"), "{name}: {reason}");
-}
-
-#[test]
-fn between_walls_it_is_slow_and_looks_closer_and_on_a_steep_slope_it_does_not_stop() {
-    let mut bench = start(&FILES);
-    let walls = |at: DVec2| if at.y.abs() > 0.6 { 250 } else { 0 };
-    cycle(&mut bench, 0.0, 0.0, walls, 20);
-    let (name, reason) = mode(&bench);
-    assert!(name == "NARROW_CORRIDOR" && reason.starts_with("room_m is 0."), "{name}: {reason}");
-    let arcs = |bench: &Bench| bench.latest::<ArcChoice>("/follower/arcs").arcs.len();
-    let (speed_mps, closer) = (drive(&bench).0, arcs(&bench));
-    assert!(speed_mps > 0.2 && speed_mps <= 0.9, "{speed_mps}; {}", story(&bench));
-    // 12° up: it keeps at least 0.6 m/s, and the mode ends where the ground is level again.
-    let uphill = Pose::from_rpy(rcs_geom::DVec3::ZERO, 0.0, -12_f64.to_radians(), 0.0);
-    cycle_at(&mut bench, &uphill, walls, 20);
-    let (name, reason) = mode(&bench);
-    assert!(name == "HILL_CLIMB" && reason.starts_with("climb_deg is 12.0"), "{name}: {reason}");
-    assert!(drive(&bench).0 >= 0.6, "{}", story(&bench));
-    cycle(&mut bench, 0.0, 0.0, free, 30);
-    assert_eq!(mode(&bench).0, "", "{}", story(&bench));
-    assert!(drive(&bench).0 > 0.9 && arcs(&bench) < closer, "{closer} {}", story(&bench));
-}
-
-#[test]
-fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
-    let mut bench = start(&FILES);
-    cycle(&mut bench, 0.0, 0.0, free, 12);
-    for _ in 0..36 {
-        bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
-        cycle(&mut bench, 0.0, 0.0, free, 1);
-    }
-    assert!(drive(&bench).0 < -0.3, "{}", story(&bench));
-    assert_eq!(mode(&bench).0, "SPINNING");
-    let mut drives = Vec::new();
-    for _ in 0..5 {
-        cycle(&mut bench, 0.0, 0.0, free, 10);
-        drives.push(drive(&bench));
-    }
-    drives.dedup();
-    assert!(drives.len() >= 3, "{drives:?}");
-}
-
-#[test]
-fn it_leaves_slip_ahead_where_something_is_behind_and_slowly_ahead_where_nothing_is_free() {
-    let slip = |costs: &dyn Fn(DVec2) -> u8| {
-        let mut bench = start(&FILES);
-        for _ in 0..48 {
-            bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
-            cycle(&mut bench, 0.0, 0.0, costs, 1);
-        }
-        assert_eq!(mode(&bench).0, "SPINNING");
-        (drive(&bench).0, story(&bench))
-    };
-    let bush = |at: DVec2| if (-1.4..-0.6).contains(&at.x) && at.y.abs() < 0.6 { 250 } else { 0 };
-    let (ahead_mps, told) = slip(&bush);
-    assert!(ahead_mps > 0.3, "{told}");
-    let ring = |at: DVec2| if (0.7..1.4).contains(&at.length()) { 250 } else { 0 };
-    let (touching_mps, told) = slip(&ring);
-    assert!((0.1..=0.25).contains(&touching_mps), "{told}");
-}
-
-#[test]
-fn it_reverses_on_its_own_track_where_growth_leaves_no_other_way_back() {
-    let back_mps = |lane_m: f64| {
-        let mut bench = start(&FILES);
-        // What it has driven over is free, as wide as its body; growth stands on both sides and ahead.
-        let growth = |at: DVec2| if at.x > 0.6 || at.y.abs() > lane_m { 250 } else { 0 };
-        cycle(&mut bench, 0.0, 0.0, growth, 12);
-        bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
-        cycle(&mut bench, 0.0, 0.0, growth, 2);
-        assert_eq!(mode(&bench).0, "REVERSE_FROM_BUMPER", "{}", story(&bench));
-        drive(&bench).0
-    };
-    assert!((-0.25..-0.1).contains(&back_mps(0.4)), "{}", back_mps(0.4));
-    assert_eq!(back_mps(0.1), 0.0, "it stands where something is behind it");
-}
-
 #[test]
 fn a_goal_inside_of_an_obstacle_is_approached_and_it_stops_beside_it() {
     let mut bench = start(&FILES);
@@ -360,7 +254,7 @@ fn a_goal_inside_of_an_obstacle_is_approached_and_it_stops_beside_it() {
     assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
     let (state, text) = status(&bench, "generator");
     assert!(state == ProcessState::Error && text.contains("inside of an obstacle: stands"), "{text}");
-    assert_eq!(mode(&bench).0, "", "no mode drives into it");
+    assert_eq!(modes::mode(&bench).0, "", "no mode drives into it");
 }
 
 #[test]
@@ -402,25 +296,6 @@ fn wheels_that_turned_on_the_spot_are_told_from_a_jump_and_the_place_is_barred()
         "{nearest_m} m from the barred place; {}",
         story(&bench)
     );
-}
-
-#[test]
-fn where_the_path_leads_and_the_vehicle_does_not_get_is_barred() {
-    let mut bench = start(&FILES);
-    for step in 0..170 {
-        // It moves to and fro.
-        cycle(&mut bench, if (step / 20) % 2 == 0 { 0.0 } else { 0.3 }, 0.0, free, 1);
-    }
-    let event: ModeEvent = bench.latest("/follower/modes");
-    assert!(event.to == "NO_PROGRESS" && event.reason.starts_with("stayed_s is 8.0"), "{event:?}");
-    let barred = event.barred.unwrap();
-    assert!(barred.radius_m == 0.6 && (1.0..=4.5).contains(&barred.x_m), "{barred:?}");
-    let path: PosesInFrame = bench.latest("/planner/path");
-    let enters = path.poses.iter().any(|pose| {
-        let at = pose.position.unwrap();
-        DVec2::new(at.x, at.y).distance(DVec2::new(barred.x_m, barred.y_m)) < 0.6
-    });
-    assert!(!enters && path.poses.len() > 20, "{barred:?}; {}", story(&bench));
 }
 
 #[test]

@@ -1,0 +1,157 @@
+//! The modes of the table for the LAGR robot: when each begins and ends, and how the vehicle is driven meanwhile.
+
+use super::{FILES, cycle, cycle_at, drive, free, ring, start, status, story};
+use rcs_geom::{DVec2, Pose};
+use rcs_msg::foxglove::PosesInFrame;
+use rcs_msg::rcs;
+use rcs_msg::rcs::{ArcChoice, PlanState, ProcessState};
+use rcs_planner::proto::ModeEvent;
+use rcs_testkit::bench::Bench;
+
+pub(crate) fn mode(bench: &Bench) -> (String, String) {
+    let event: Option<ModeEvent> = bench.newest("/follower/modes");
+    event.map_or_else(Default::default, |event| (event.to, event.reason))
+}
+
+#[test]
+fn after_a_bumper_hit_it_backs_up_and_goes_on() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
+    cycle(&mut bench, 0.0, 0.0, free, 2);
+    assert!(drive(&bench).0 < 0.0, "{}", story(&bench));
+    cycle(&mut bench, -0.6, 0.0, free, 2);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
+fn without_a_way_it_is_aggressive_for_a_while_and_says_why() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, ring, 60);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "planner");
+    assert!(state == ProcessState::Error && text.starts_with("no way to the goal"), "{text}");
+    cycle(&mut bench, 0.0, 0.0, ring, 40);
+    assert!(drive(&bench).0 > 0.2, "{}", story(&bench));
+    let (name, reason) = mode(&bench);
+    assert!(name == "AGGRESSIVE" && reason.starts_with("blocked_s is 4.0"), "{name}: {reason}");
+    cycle(&mut bench, 3.2, 0.0, ring, 2);
+    let (name, reason) = mode(&bench);
+    assert!(name.is_empty() && reason.starts_with("moved_m is 3.2"), "{name}: {reason}");
+}
+
+#[test]
+fn between_walls_it_is_slow_and_looks_closer_and_on_a_steep_slope_it_does_not_stop() {
+    let mut bench = start(&FILES);
+    let walls = |at: DVec2| if at.y.abs() > 0.6 { 250 } else { 0 };
+    cycle(&mut bench, 0.0, 0.0, walls, 20);
+    let (name, reason) = mode(&bench);
+    assert!(name == "NARROW_CORRIDOR" && reason.starts_with("room_m is 0."), "{name}: {reason}");
+    let arcs = |bench: &Bench| bench.latest::<ArcChoice>("/follower/arcs").arcs.len();
+    let (speed_mps, closer) = (drive(&bench).0, arcs(&bench));
+    assert!(speed_mps > 0.2 && speed_mps <= 0.9, "{speed_mps}; {}", story(&bench));
+    // 12° up: it keeps at least 0.6 m/s, and the mode ends where the ground is level again.
+    let uphill = Pose::from_rpy(rcs_geom::DVec3::ZERO, 0.0, -12_f64.to_radians(), 0.0);
+    cycle_at(&mut bench, &uphill, walls, 20);
+    let (name, reason) = mode(&bench);
+    assert!(name == "HILL_CLIMB" && reason.starts_with("climb_deg is 12.0"), "{name}: {reason}");
+    assert!(drive(&bench).0 >= 0.6, "{}", story(&bench));
+    cycle(&mut bench, 0.0, 0.0, free, 30);
+    assert_eq!(mode(&bench).0, "", "{}", story(&bench));
+    assert!(drive(&bench).0 > 0.9 && arcs(&bench) < closer, "{closer} {}", story(&bench));
+}
+
+#[test]
+fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    for _ in 0..36 {
+        bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
+        cycle(&mut bench, 0.0, 0.0, free, 1);
+    }
+    assert!(drive(&bench).0 < -0.3, "{}", story(&bench));
+    assert_eq!(mode(&bench).0, "SPINNING");
+    let mut drives = Vec::new();
+    for _ in 0..5 {
+        cycle(&mut bench, 0.0, 0.0, free, 10);
+        drives.push(drive(&bench));
+    }
+    drives.dedup();
+    assert!(drives.len() >= 3, "{drives:?}");
+}
+
+#[test]
+fn it_leaves_slip_ahead_where_something_is_behind_and_slowly_ahead_where_nothing_is_free() {
+    let slip = |costs: &dyn Fn(DVec2) -> u8| {
+        let mut bench = start(&FILES);
+        for _ in 0..48 {
+            bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
+            cycle(&mut bench, 0.0, 0.0, costs, 1);
+        }
+        assert_eq!(mode(&bench).0, "SPINNING");
+        (drive(&bench).0, story(&bench))
+    };
+    let bush = |at: DVec2| if (-1.4..-0.6).contains(&at.x) && at.y.abs() < 0.6 { 250 } else { 0 };
+    let (ahead_mps, told) = slip(&bush);
+    assert!(ahead_mps > 0.3, "{told}");
+    let ring = |at: DVec2| if (0.7..1.4).contains(&at.length()) { 250 } else { 0 };
+    let (touching_mps, told) = slip(&ring);
+    assert!((0.1..=0.25).contains(&touching_mps), "{told}");
+}
+
+#[test]
+fn it_reverses_on_its_own_track_where_growth_leaves_no_other_way_back() {
+    let back_mps = |lane_m: f64| {
+        let mut bench = start(&FILES);
+        // What it has driven over is free, as wide as its body; growth stands on both sides and ahead.
+        let growth = |at: DVec2| if at.x > 0.6 || at.y.abs() > lane_m { 250 } else { 0 };
+        cycle(&mut bench, 0.0, 0.0, growth, 12);
+        bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
+        cycle(&mut bench, 0.0, 0.0, growth, 2);
+        assert_eq!(mode(&bench).0, "REVERSE_FROM_BUMPER", "{}", story(&bench));
+        drive(&bench).0
+    };
+    assert!((-0.25..-0.1).contains(&back_mps(0.4)), "{}", back_mps(0.4));
+    assert_eq!(back_mps(0.1), 0.0, "it stands where something is behind it");
+}
+
+#[test]
+fn where_the_path_leads_and_the_vehicle_does_not_get_is_barred() {
+    let mut bench = start(&FILES);
+    for step in 0..170 {
+        // It moves to and fro.
+        cycle(&mut bench, if (step / 20) % 2 == 0 { 0.0 } else { 0.3 }, 0.0, free, 1);
+    }
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.to == "NO_PROGRESS" && event.reason.starts_with("stayed_s is 8.0"), "{event:?}");
+    let barred = event.barred.unwrap();
+    assert!(barred.radius_m == 0.6 && (1.0..=4.5).contains(&barred.x_m), "{barred:?}");
+    let path: PosesInFrame = bench.latest("/planner/path");
+    let enters = path.poses.iter().any(|pose| {
+        let at = pose.position.unwrap();
+        DVec2::new(at.x, at.y).distance(DVec2::new(barred.x_m, barred.y_m)) < 0.6
+    });
+    assert!(!enters && path.poses.len() > 20, "{barred:?}; {}", story(&bench));
+}
+
+#[test]
+fn where_there_is_a_path_and_no_free_arc_it_backs_out_and_looks_for_another_way() {
+    // Things close around the vehicle, which the planner takes for passable there.
+    let [world, goal, modes] = FILES;
+    let mut bench = start(&[world, goal, modes, ("planner.relief_range_m", "1.2")]);
+    let close = |at: DVec2| if (0.6..0.8).contains(&at.length()) { 250 } else { 0 };
+    cycle(&mut bench, 0.0, 0.0, close, 48);
+    let plan: rcs::Plan = bench.latest("/planner/plan");
+    assert_ne!(plan.state(), PlanState::PlanNoWay, "{}", story(&bench));
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.to == "NO_ARC" && event.reason.starts_with("no_arc_s is 2.0"), "{event:?}");
+    assert!(event.barred.is_some_and(|barred| barred.radius_m == 0.6), "{event:?}");
+    // It stands, because nothing behind it is free either; ground behind it that is free is driven over.
+    assert_eq!(drive(&bench).0, 0.0, "{}", story(&bench));
+    let ahead = |at: DVec2| if at.x > -0.3 { close(at) } else { 0 };
+    cycle(&mut bench, 0.0, 0.0, ahead, 2);
+    assert!(drive(&bench).0 < -0.2, "{}", story(&bench));
+    cycle(&mut bench, -0.9, 0.0, ahead, 2);
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.from == "NO_ARC" && event.reason.starts_with("moved_m is 0.9"), "{event:?}");
+}
