@@ -36,6 +36,7 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_terrain::TerrainLearner>(),
         ProcessType::of::<rcs_truth_driver::TruthDriver>(),
         ProcessType::of::<rcs_vehicle_interface::VehicleInterface>(),
+        ProcessType::of::<rcs_localization::VisualMotion>(),
         ProcessType::of::<rcs_planner::WaypointFollower>(),
         ProcessType::of::<rcs_planner::WaypointGenerator>(),
         ProcessType::of::<rcs_world_model::WeightLearner>(),

@@ -353,3 +353,34 @@ fn a_report_of_slip_counts_while_it_is_recent_and_an_unusable_one_is_a_fault() {
     let (faults, last) = bench.faults("localization");
     assert!(faults > 0 && last.contains("slip: slip NaN"), "{faults} {last}");
 }
+
+#[test]
+fn motion_by_images_counts_where_the_wheels_slip_and_an_unusable_one_is_a_fault() {
+    let stack = STACK.replace("gps =", "visual_motion = \"/operator/motion\", gps =");
+    let mut bench = Setup::new(&stack, all()).assets(&Files).bench();
+    drive(&mut bench, 0.0, 0.0, 20);
+    drive(&mut bench, 1.0, 1.0, 30);
+    let tell = |bench: &mut Bench, forward_m: f64, since_ms: u64| {
+        let since = Some(Stamp(since_ms * 1_000_000).to_proto());
+        let timestamp = Some(Stamp(bench.now_ms * 1_000_000).to_proto());
+        let motion = rcs::VisualMotion { timestamp, since, forward_m, ..Default::default() };
+        bench.write("/operator/motion", motion);
+        drive(bench, 1.0, 1.0, 2)
+    };
+    // Each shows half of the wheels' way of 0.2 s.
+    let mut told = Vec::new();
+    for _ in 0..20 {
+        let since_ms = bench.now_ms - 200;
+        told.extend(tell(&mut bench, 0.1, since_ms));
+    }
+    let way_m = (told[39].local.translation - told[19].local.translation).length();
+    assert!((way_m - 1.0).abs() < 0.05, "{way_m}");
+    let cases =
+        [(0.1, 0, "does not begin before it ends"), (f64::NAN, 200, "moved NaN m"), (9.0, 200, "moved 9 m")];
+    for (forward_m, before_ms, expected) in cases {
+        let since_ms = bench.now_ms - before_ms;
+        tell(&mut bench, forward_m, since_ms);
+        let (_, last) = bench.faults("localization");
+        assert!(last.contains("visual motion") && last.contains(expected), "{last}");
+    }
+}

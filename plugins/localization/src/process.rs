@@ -3,6 +3,7 @@
 
 use crate::attitude::{Attitude, AttitudeSettings};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
+use crate::grip::Grip;
 use crate::planar::{MotionNoise, Planar};
 use crate::proto::LocalizationParams;
 use crate::way_slip::{Slipped, WaySlip};
@@ -13,7 +14,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, LocationFix, Odometry, Quaternion, Vector3, location_fix,
 };
-use rcs_msg::rcs::{self, GroundSpeed, Imu, SlipReport, WheelEncoders};
+use rcs_msg::rcs::{self, GroundSpeed, Imu, SlipReport, VisualMotion, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
@@ -52,6 +53,8 @@ pub struct Localization {
     ground_speed: Option<(f64, Stamp)>,
     /// Speed by the inertial sensors while the wheels slip, m/s, and its time.
     slipping: Option<(f64, Stamp)>,
+    /// Slip by the images of a camera.
+    grip: Grip,
     /// Slip over the last metres, by the fixes.
     way_slip: WaySlip,
     sent_global: Option<Stamp>,
@@ -65,6 +68,7 @@ pub struct Ports {
     gps: In<LocationFix>,
     ground_speed: In<GroundSpeed>,
     slip: In<SlipReport>,
+    visual_motion: In<VisualMotion>,
     local: Out<Odometry>,
     global: Out<Odometry>,
     transforms: Out<FrameTransforms>,
@@ -95,6 +99,10 @@ impl Process for Localization {
             slip: b.optional_input(
                 "slip",
                 "slip of the wheels, and the speed by the inertial sensors, which counts while they slip",
+            ),
+            visual_motion: b.optional_input(
+                "visual_motion",
+                "motion by the images of a camera, which counts where the wheels slip",
             ),
             local: b
                 .output("local", "pose of the vehicle in the local frame with covariance: smooth, drifts")
@@ -149,6 +157,11 @@ impl Process for Localization {
             && let Err(error) = self.take_slip(&report)
         {
             cx.fault(format!("slip: {error}; report skipped"));
+        }
+        while let Some(motion) = cx.read(&ports.visual_motion) {
+            if let Err(error) = self.take_visual(&motion) {
+                cx.fault(format!("visual motion: {error}; skipped"));
+            }
         }
         while let Some(encoders) = cx.read(&ports.encoders) {
             match self.roll(&encoders, params) {
@@ -246,10 +259,24 @@ impl Localization {
                 "slip {slip} at {speed_mps} m/s, expected finite numbers and at most {FASTEST_MPS} m/s"
             ));
         }
-        if slip >= SLIPS_A_LITTLE {
+        // Where images tell the motion, the estimate needs no fixes for it.
+        if slip >= SLIPS_A_LITTLE && !self.grip.is_known(report.acq_time()) {
             self.global.follow();
         }
         self.slipping = (slip >= SLIPS).then(|| (speed_mps, report.acq_time()));
+        Ok(())
+    }
+
+    fn take_visual(&mut self, motion: &Msg<VisualMotion>) -> Result<(), String> {
+        let (since, until) = (motion.since.as_ref().and_then(Stamp::from_proto), motion.acq_time());
+        let Some(since) = since.filter(|&since| since < until) else {
+            return Err("it does not begin before it ends".to_owned());
+        };
+        let moved_m = motion.forward_m;
+        if moved_m.is_nan() || moved_m.abs() > FASTEST_MPS * until.seconds_since(since) {
+            return Err(format!("the vehicle moved {moved_m} m in {:.3} s", until.seconds_since(since)));
+        }
+        self.grip.take(since, until, moved_m);
         Ok(())
     }
 
@@ -274,7 +301,7 @@ impl Localization {
             self.wheels = Some(Wheels::new(time, distance_m));
             return Ok(None);
         };
-        let Rolled { rolled_m, elapsed_s } = wheels.roll(time, distance_m)?;
+        let Rolled { rolled_m: wheels_m, elapsed_s } = wheels.roll(time, distance_m)?;
         let has_gyro = self.felt.is_some_and(|felt| time.seconds_since(felt) < params.input_timeout_s);
         if self.attitude.is_none() {
             if time.seconds_since(wheels.since) < params.input_timeout_s {
@@ -285,28 +312,37 @@ impl Localization {
             let deviation = params.start_heading_noise_deg.to_radians();
             self.begin(DVec3::Z, params.start_heading_deg.to_radians(), deviation * deviation);
         }
-        let slipping_mps = self.slipping_mps(time);
+        let rolled_m = 0.5 * (wheels_m[0] + wheels_m[1]);
+        let seen_share = self.grip.share(time, rolled_m);
+        let slipping_mps = self.slipping_mps(time).filter(|_| seen_share.is_none());
         let (Some(attitude), Some(local)) = (&mut self.attitude, &mut self.local) else { return Ok(None) };
         if !has_gyro {
-            attitude.turn_by((rolled_m[1] - rolled_m[0]) / params.track_m);
+            attitude.turn_by((wheels_m[1] - wheels_m[0]) / params.track_m);
         }
         let turn_rad = wrap_angle(attitude.yaw_rad() - local.yaw_rad);
         let radar = self.ground_speed.filter(|(_, at)| time.seconds_since(*at) < params.input_timeout_s);
-        let rolled_m = 0.5 * (rolled_m[0] + rolled_m[1]);
         let known_mps = radar.map(|(speed_mps, _)| speed_mps).or(slipping_mps);
-        let step_m =
-            known_mps.map_or(rolled_m * (1.0 - params.rolling_slip), |speed_mps| speed_mps * elapsed_s);
+        let way_of_rolled = 1.0 - params.rolling_slip;
+        let by_wheels_m = rolled_m * way_of_rolled * seen_share.unwrap_or(1.0);
+        let step_m = known_mps.map_or(by_wheels_m, |speed_mps| speed_mps * elapsed_s);
+        self.grip.roll(time, rolled_m, step_m / way_of_rolled);
+        let owed_m = way_of_rolled * self.grip.owed_m();
+        // A radar needs nothing to be made up for.
+        let owed_m = if radar.is_none() { owed_m } else { 0.0 };
         let forward = attitude.level_from_vehicle * DVec3::X;
-        let level_m = step_m * forward.truncate().length();
+        let level_m = (step_m + owed_m) * forward.truncate().length();
         let noise = MotionNoise {
             distance: params.distance_noise * SLIP_LENGTH_M.sqrt(),
             heading_rad: params.heading_noise_deg.to_radians(),
         };
         // Not backwards: what lies behind the vehicle is remembered, and not seen again.
-        let share = if step_m > 0.0 { self.way_slip.share_of(level_m) } else { 1.0 };
+        let share = match seen_share {
+            None if step_m > 0.0 => self.way_slip.share_of(level_m),
+            _ => 1.0,
+        };
         local.advance(&noise, share * level_m, turn_rad, elapsed_s);
         self.global.advance(&noise, level_m, turn_rad, elapsed_s);
-        self.height_m += share * step_m * forward.z;
+        self.height_m += share * (step_m + owed_m) * forward.z;
         // Encoder ticks are quantised, so the speed is smoothed over a few readings.
         let faster_mps = 0.3 * (step_m / elapsed_s - self.speed_mps);
         self.speed_mps += faster_mps;

@@ -1,0 +1,168 @@
+//! The process `visual_motion`: reads images and their depth, and sends how the vehicle has moved between them. Its port
+//! table is in the crate's documentation.
+
+use crate::proto::VisualMotionParams;
+use crate::visual::{Grey, Mounted, Point, motion, points};
+use rcs_geom::{CameraError, PinholeCamera, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{CameraCalibration, RawImage};
+use rcs_msg::image::{ImageError, depth_m, raw_to_rgb8};
+use rcs_msg::rcs;
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of};
+use serde::{Deserialize, Serialize};
+
+/// Images that are farther apart in time show too little of the same, s.
+const LONGEST_S: f64 = 0.6;
+
+/// State: the poses of the last seconds, the camera, and the points of the image before.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct VisualMotion {
+    localizer: Localizer,
+    camera: Option<PinholeCamera>,
+    before: Option<Before>,
+}
+
+/// What the image before showed, and how the vehicle stood.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Before {
+    time: Stamp,
+    points: Vec<Point>,
+    local_from_vehicle: Pose,
+}
+
+/// Ports of [`VisualMotion`].
+#[derive(Debug)]
+pub struct Ports {
+    image: In<RawImage>,
+    depth: In<RawImage>,
+    calibration: In<CameraCalibration>,
+    poses: PosePorts,
+    motion: Out<rcs::VisualMotion>,
+}
+
+/// Why an image was skipped.
+#[derive(Debug, thiserror::Error)]
+enum Unusable {
+    #[error("no calibration")]
+    NoCalibration,
+    #[error("calibration: {0}")]
+    Calibration(#[from] CameraError),
+    #[error("the calibration has a distortion, expected a rectified image")]
+    Distorted,
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    #[error("{what} has {got:?} pixels, expected {expected:?} as the calibration")]
+    Size { what: &'static str, got: [u32; 2], expected: [u32; 2] },
+    #[error(transparent)]
+    Pose(#[from] LocalizerError),
+}
+
+impl Process for VisualMotion {
+    type Params = VisualMotionParams;
+    type Ports = Ports;
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "visual_motion",
+        summary: "Tells from the images of a camera with depth how far the vehicle has moved",
+        period_ms: 50.0,
+        latency_ms: 4.0,
+        reads_ground_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            image: b.input("image", "rectified image of the camera, pixel for pixel that of the depth"),
+            depth: b.input("depth", "depth image along the optical axis: 16UC1, mono16 or 32FC1"),
+            calibration: b.input("calibration", "calibration of the depth image"),
+            poses: PosePorts::declare(b),
+            motion: b
+                .output("motion", "motion of the vehicle from one image to the next one")
+                .role(Role::Stats)
+                .build(),
+        }
+    }
+
+    fn new(_params: &VisualMotionParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &VisualMotionParams, cx: &mut Cycle<'_>) {
+        let extrinsics = Extrinsics::new(params.pose.as_ref(), params.mount.as_ref());
+        ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
+        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+            self.camera = match camera_of(&calibration) {
+                Ok(camera) => Some(camera),
+                Err(error) => {
+                    cx.fault(Unusable::from(error).to_string());
+                    None
+                }
+            };
+        }
+        // Depth is computed from the image, so it comes with it or later.
+        let Some(depth) = cx.read_newest(&ports.depth) else {
+            return cx.exec("waits for depth");
+        };
+        let image = cx.latest(&ports.image).filter(|image| image.acq_time() == depth.acq_time());
+        let Some(image) = image else {
+            return cx.exec("waits for the image of the depth");
+        };
+        match self.see(&image, &depth, params, extrinsics) {
+            Ok(Some(motion)) => {
+                cx.write(&ports.motion, depth.acq_time(), motion);
+                cx.exec("tells the motion");
+            }
+            Ok(None) => cx.exec("images that do not tell the motion"),
+            Err(error) => {
+                self.before = None;
+                cx.fault(format!("{error}; image skipped"));
+            }
+        }
+    }
+}
+
+impl VisualMotion {
+    /// The motion since the image before, if both tell it.
+    fn see(
+        &mut self,
+        image: &Msg<RawImage>,
+        depth: &Msg<RawImage>,
+        params: &VisualMotionParams,
+        extrinsics: Extrinsics<'_>,
+    ) -> Result<Option<rcs::VisualMotion>, Unusable> {
+        let camera = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
+        let expected = [camera.width, camera.height];
+        for (what, image) in [("image", image), ("depth", depth)] {
+            let got = [image.width, image.height];
+            if got != expected {
+                return Err(Unusable::Size { what, got, expected });
+            }
+        }
+        let rgb = raw_to_rgb8(image)?;
+        let depth_m = depth_m(depth, params.depth_scale_m as f32)?;
+        let time = depth.acq_time();
+        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
+        let vehicle_from_camera =
+            extrinsics.vehicle_from_sensor(&self.localizer, &depth.frame_id, Axes::Optical, time)?;
+        let camera = Mounted::new(camera, vehicle_from_camera).ok_or(Unusable::Distorted)?;
+        let grey = Grey::of(&rgb.data, rgb.width as usize, rgb.height as usize);
+        let points = points(&grey, &depth_m, &camera, params.max_range_m);
+        let before = self.before.replace(Before { time, points, local_from_vehicle });
+        let Some(before) =
+            before.filter(|before| (0.0..LONGEST_S).contains(&time.seconds_since(before.time)))
+        else {
+            return Ok(None);
+        };
+        let turn =
+            local_from_vehicle.rotation_matrix().transpose() * before.local_from_vehicle.rotation_matrix();
+        let most_m = params.max_speed_mps * time.seconds_since(before.time);
+        let found = motion(&before.points, &grey, &camera, turn, [-0.5 * most_m, most_m]);
+        Ok(found.filter(|found| found.likeness >= params.least_likeness).map(|found| rcs::VisualMotion {
+            timestamp: Some(time.to_proto()),
+            since: Some(before.time.to_proto()),
+            forward_m: found.forward_m,
+            left_m: found.left_m,
+            likeness: found.likeness,
+        }))
+    }
+}
