@@ -148,19 +148,18 @@ pub struct CostMap {
 
 impl CostMap {
     /// Adds up the results of the strips in their order. `centre` is the vehicle's cell, `sensor` the position of the
-    /// sensor in the local frame (m), `negative` the cells with borders of negative obstacles. Cells outside of the
-    /// window are ignored.
+    /// sensor in the local frame (m), `negative` the cells with borders of negative obstacles. The window around the
+    /// vehicle has what the sensor sees up to `max_range_m` (m), and at most 201×201 cells; cells outside of it are ignored.
     pub fn new(
         strips: &[Strip],
         negative: &BTreeSet<CellIndex>,
         centre: CellIndex,
         sensor: DVec3,
+        max_range_m: f64,
         certainty: Certainty,
     ) -> CostMap {
-        let half = (SIDE / 2) as i64;
-        let frame =
-            GridFrame { south_west: centre.offset(-half, -half), side: SIDE, cell_size_m: CELL_SIZE_M };
-        let mut cells = vec![Cell::NONE; SIDE * SIDE];
+        let frame = window(centre, sensor, max_range_m);
+        let mut cells = vec![Cell::NONE; frame.side * frame.side];
         for vote in strips.iter().flat_map(|strip| &strip.votes) {
             if let Some(at) = frame.slot(CellIndex::new(vote.cell[0].into(), vote.cell[1].into())) {
                 let cell = &mut cells[at];
@@ -239,6 +238,18 @@ impl CostMap {
         }
         self.frame.message(frame_id, time, fields(), CELL_STRIDE, data)
     }
+}
+
+/// The window around the vehicle's cell that has all cells within a range of the sensor, m; at most 201×201 cells.
+fn window(centre: CellIndex, sensor: DVec3, max_range_m: f64) -> GridFrame {
+    let around = |half: i64| GridFrame {
+        south_west: centre.offset(-half, -half),
+        side: 2 * half as usize + 1,
+        cell_size_m: CELL_SIZE_M,
+    };
+    let offset_m = (around(0).middle(0, 0) - sensor.truncate()).length();
+    let reach = ((max_range_m + offset_m) / CELL_SIZE_M).ceil();
+    around((reach as i64 + 1).min((SIDE / 2) as i64))
 }
 
 /// Bytes per cell.

@@ -15,7 +15,7 @@
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `labels` | out | `foxglove.RawImage` | label of each pixel of the depth image |
 //! | `points` | out | `foxglove.PointCloud` | points of the cloud with a label each, in the cloud's frame, m |
-//! | `cost` | out | `foxglove.Grid` | cost of 201x201 cells of 0.2 m around the vehicle, local frame |
+//! | `cost` | out | `foxglove.Grid` | cost of cells of 0.2 m around the vehicle within the greatest range, at most 201x201, local frame |
 //! | `stats` | out | `rcs.ObstacleStats` | pixels by label, cells, ranges in m |
 //!
 //! Period 200 ms (5 Hz, the rate of stereo). No commands besides those of the runtime. State: the poses of the last

@@ -102,13 +102,14 @@ fn a_cell_with_a_border_has_the_highest_cost() {
     let Found { strips, cells, .. } = look(&view, &mut GroundMap::new().unwrap(), 1);
     let cells: BTreeSet<CellIndex> =
         cells.iter().map(|cell| CellIndex::new(cell.x.div_euclid(2), cell.y.div_euclid(2))).collect();
-    let map = CostMap::new(&strips, &cells, CellIndex::new(0, 0), view.placement.sensor, CERTAINTY);
+    let map = CostMap::new(&strips, &cells, CellIndex::new(0, 0), view.placement.sensor, 30.0, CERTAINTY);
     let costs: Vec<u8> = map.costs().collect();
     for cell in &cells {
         assert_eq!(costs[(cell.y + 100) as usize * SIDE + (cell.x + 100) as usize], MAX_COST);
     }
     // Without the borders the cost is low: much ground is seen there.
-    let map = CostMap::new(&strips, &BTreeSet::new(), CellIndex::new(0, 0), view.placement.sensor, CERTAINTY);
+    let map =
+        CostMap::new(&strips, &BTreeSet::new(), CellIndex::new(0, 0), view.placement.sensor, 30.0, CERTAINTY);
     let costs: Vec<u8> = map.costs().collect();
     let low =
         cells.iter().filter(|cell| costs[(cell.y + 100) as usize * SIDE + (cell.x + 100) as usize] < 125);
@@ -121,7 +122,8 @@ fn colours_of_a_cell_are_the_mean_of_its_pixels() {
     let size = view.rays.width * view.rays.height;
     let rgb: Vec<u8> = (0..size).flat_map(|i| [10 + (i % 2 * 20) as u8, 40, 200]).collect();
     let strips = view.strips_of(&view.survey(ScanParams::default()), &rgb);
-    let map = CostMap::new(&strips, &BTreeSet::new(), CellIndex::new(0, 0), view.placement.sensor, CERTAINTY);
+    let map =
+        CostMap::new(&strips, &BTreeSet::new(), CellIndex::new(0, 0), view.placement.sensor, 30.0, CERTAINTY);
     let grid = map.to_grid("local", rcs_msg::Stamp(0));
     let grid = rcs_world::GridView::new(&grid).unwrap();
     let field = |name: &str| grid.field(name).unwrap();

@@ -106,7 +106,7 @@ impl Process for Obstacles {
                 .classes(&OBSTACLE_CLASSES)
                 .build(),
             cost: b
-                .output("cost", "cost of 201x201 cells of 0.2 m around the vehicle, local frame")
+                .output("cost", "cost of cells of 0.2 m around the vehicle within the greatest range, at most 201x201, local frame")
                 .role(Role::Cost)
                 .palette("cost")
                 .build(),
@@ -315,7 +315,8 @@ impl Obstacles {
         let (negative, negative_cells) = self.mark_negative(strips, sensor_pose, time, params);
         let sensor = sensor_pose.placement.sensor;
         let certainty = certainty(params, self.camera.as_ref());
-        let mut map = CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor, certainty);
+        let mut map =
+            CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor, params.max_range_m, certainty);
         self.confirm(&mut map, strips, sensor_pose.centre, params);
         let stats = ObstacleStats {
             negative,

@@ -78,8 +78,14 @@ fn a_vote_is_worth_its_pixels_less_the_noise_of_their_range() {
     let check = |certainty: Certainty, x_m: f64, expected: std::ops::RangeInclusive<u8>| {
         let view = Scene::flat().look();
         let strips = view.strips(&ScanParams::default());
-        let map =
-            CostMap::new(&strips, &BTreeSet::new(), CellIndex::new(0, 0), view.placement.sensor, certainty);
+        let map = CostMap::new(
+            &strips,
+            &BTreeSet::new(),
+            CellIndex::new(0, 0),
+            view.placement.sensor,
+            30.0,
+            certainty,
+        );
         let grid = map.to_grid("local", rcs_msg::Stamp(0));
         let grid = rcs_world::GridView::new(&grid).unwrap();
         let column = ((x_m / CELL_SIZE_M).floor() + 100.0) as usize;
@@ -158,6 +164,7 @@ fn a_cell_costs_its_share_of_obstacle_pixels_and_cover_does_not_count() {
         &BTreeSet::new(),
         CellIndex::new(0, 0),
         view.placement.sensor,
+        30.0,
         Certainty { min_pixels: 1, pixels: 1, noise_per_m2: 0.0 },
     );
     let costs: Vec<u8> = map.costs().collect();
