@@ -133,12 +133,12 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// In each column of the reduced image: the foot of a known obstacle has the highest cost, and the pixels above it have
-/// none.
+/// In each column of the reduced image: the foot of a known obstacle has the highest cost, or none if it says nothing, and
+/// the pixels above it have none.
 fn stand_upright(costs: &mut [u8], feet: &[Option<Foot>]) {
     for (column, foot) in feet.iter().enumerate() {
         let Some(foot) = foot else { continue };
-        costs[foot.row * WIDTH + column] = MAX_COST;
+        costs[foot.row * WIDTH + column] = if foot.backing > 0 { MAX_COST } else { UNKNOWN_COST };
         (0..foot.row).for_each(|row| costs[row * WIDTH + column] = UNKNOWN_COST);
     }
 }
@@ -313,6 +313,18 @@ mod tests {
         assert_eq!([at(4.1, 0.1), at(4.1, -0.5)], [(250, 200); 2]);
         assert_eq!([at(3.5, 0.1), at(4.1, 1.7)], [(40, 0); 2]);
         assert_eq!([at(5.3, 0.1), at(8.0, 0.1)], [(255, 0); 2]);
+    }
+
+    #[test]
+    fn a_foot_that_says_nothing_has_no_cost_and_hides_what_is_behind() {
+        let mut costs = vec![40; PIXELS];
+        let mut feet = vec![None; WIDTH];
+        feet[3] = Some(Foot { row: 50, backing: 0 });
+        feet[4] = Some(Foot { row: 50, backing: 200 });
+        stand_upright(&mut costs, &feet);
+        let column = |column: usize| [30, 50, 51].map(|row| costs[row * WIDTH + column]);
+        assert_eq!(column(3), [UNKNOWN_COST, UNKNOWN_COST, 40]);
+        assert_eq!([column(4), column(5)], [[UNKNOWN_COST, MAX_COST, 40], [40; 3]]);
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! Where the ground has a colour like the blends of a mesh and the ground, as dry grass has with a mesh in the shade, the
 //! mesh is not recognised ([`crate::upright`]). The posts that carry it are: they are not seen through, and light reaches
 //! one side of them. So pixels count that have the obstacle's colour in full light, or a blend in which it covers more
-//! than in those of a mesh. They go up from a foot to the height of the obstacle, and may lean, as the lens draws them.
+//! than in those of a mesh. They go up from a foot to the height of the obstacle, and may lean, as the lens draws them. What
+//! is as wide as a mound of soil is none.
 //! Two posts that are close enough carry a mesh, so in the columns between them the foot lies on the line from one to
 //! the other.
 
@@ -13,6 +14,8 @@ use glam::DVec3;
 
 /// Least share of a pixel that a post covers where it shows. With 0.25, trunks of a thicket are posts.
 pub const LEAST_COVER: f64 = 0.35;
+/// What is wider than this is no post but ground of a like colour, or the mesh, which has rules of its own, m.
+const MOST_WIDE_M: f64 = 0.3;
 /// Pixels like the post in the rows below its foot, in its column and those beside it.
 const MOST_BELOW: usize = 1;
 
@@ -76,10 +79,10 @@ pub fn posts(pixels: &Pixels<'_>, shape: &Shape, camera_m: f64) -> Vec<Option<Fo
 }
 
 /// The feet of posts, and between any two that stand at most `span_m` apart the line from one to the other; where
-/// several lines cross a column, the nearest. Of posts in adjacent columns, which are one or the mesh, the last column
-/// counts.
+/// several lines cross a column, the nearest. Adjacent columns are one post, unless that is too wide.
 pub fn joined(posts: &[Option<Foot>], view: &View<'_>, span_m: f64) -> Vec<Option<Foot>> {
-    let mut feet = posts.to_vec();
+    let posts = narrow(posts, view);
+    let mut feet = posts.clone();
     let place = |column: usize, foot: Foot| (column, foot, view.place(foot.row, column));
     let ends = |is_end: &dyn Fn(usize) -> bool| -> Vec<(usize, Foot, DVec3)> {
         let standing = (0..WIDTH).filter_map(|column| posts[column].map(|foot| place(column, foot)));
@@ -101,6 +104,23 @@ pub fn joined(posts: &[Option<Foot>], view: &View<'_>, span_m: f64) -> Vec<Optio
         }
     }
     feet
+}
+
+/// The feet without those of adjacent columns that are together wider than a post.
+fn narrow(posts: &[Option<Foot>], view: &View<'_>) -> Vec<Option<Foot>> {
+    let mut narrow = posts.to_vec();
+    let mut first = 0;
+    for run in posts.chunk_by(|a, b| a.is_some() == b.is_some()) {
+        let columns = first..first + run.len();
+        first = columns.end;
+        let [Some(left), .., Some(right)] = *run else { continue };
+        let ends = [(columns.start, left), (columns.end - 1, right)];
+        let [left, right] = ends.map(|(column, foot)| view.place(foot.row, column));
+        if left.distance_squared(right) > MOST_WIDE_M * MOST_WIDE_M {
+            narrow[columns].fill(None);
+        }
+    }
+    narrow
 }
 
 #[cfg(test)]
@@ -184,12 +204,16 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_that_is_recognised_has_nothing_to_be_joined() {
-        let mut posts = vec![None; WIDTH];
-        posts[40..60].fill(Some(Foot { row: 50, backing: 200 }));
+    fn what_is_wider_than_a_post_is_none() {
         let rays = rays();
         let view = View { rays: &rays, up: UP, above_m: ABOVE_M };
-        assert_eq!(joined(&posts, &view, 2.5), posts);
+        // In row 50 the ground is 3.75 m away, and a column 0.042 m wide.
+        for (columns, is_post) in [(1, true), (7, true), (10, false), (40, false)] {
+            let mut posts = vec![None; WIDTH];
+            posts[40..40 + columns].fill(Some(Foot { row: 50, backing: 200 }));
+            let expected = if is_post { posts.clone() } else { vec![None; WIDTH] };
+            assert_eq!(joined(&posts, &view, 2.5), expected, "{columns} columns");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //!   foot to the height of the obstacle, or to the horizon. Ground of a like colour, such as soil, ends below it. Below
 //!   the foot there is something else.
 //! - By colour: the lowest pixel that has the obstacle's own colour, and pixels of blends below it. Near the vehicle a
-//!   pixel shows a string of the mesh or the ground behind it, and the first rule finds too few.
+//!   pixel shows a string of the mesh or the ground behind it, and the first rule finds too few, or soil.
 
 use crate::image::{HEIGHT, WIDTH};
 
@@ -19,6 +19,9 @@ const MAY_BE: u8 = 80;
 const GAP_ROWS: usize = 2;
 /// Rows below a foot that show something else, but for a quarter of them.
 pub(crate) const BELOW_ROWS: usize = 4;
+/// Nearer than this, m, pixels show strings of a mesh or what is behind it, and hardly blends: a foot that they alone have
+/// says nothing there, neither that the obstacle stands there nor that the ground is free.
+const BLENDS_FROM_M: f64 = 2.5;
 /// An obstacle has its colour in each of so many equal parts of its height: with a look at the whole alone, a patch of
 /// soil nearby would do.
 const PARTS: usize = 3;
@@ -54,7 +57,7 @@ pub struct Shape {
 pub struct Foot {
     /// Its row.
     pub row: usize,
-    /// How sure it is that there is a known obstacle, 0 to 255, at least [`KNOWN`].
+    /// How sure it is that there is a known obstacle, 0 to 255, at least [`KNOWN`]; 0 where its pixels say nothing.
     pub backing: u8,
 }
 
@@ -71,7 +74,11 @@ pub fn feet(pixels: &Pixels<'_>, shape: &Shape, camera_m: f64) -> Vec<Option<Foo
     let top = shape.top(camera_m);
     let foot = |column: usize| {
         let column = Column { pixels, column };
-        Foot::lower(column.by_height(top, shape.least_share), column.by_colour())
+        let by_height = column.by_height(top, shape.least_share).map(|foot| {
+            let is_near = camera_m < BLENDS_FROM_M * column.slope(foot.row);
+            if is_near { Foot { backing: 0, ..foot } } else { foot }
+        });
+        Foot::lower(by_height, column.by_colour())
     };
     (0..WIDTH).map(foot).collect()
 }
@@ -212,6 +219,16 @@ mod tests {
         let low = Shape { height_m: 0.5, ..SHAPE };
         let feet = painted(&low, none, |row, _| (43..60).contains(&row));
         assert!(feet.iter().all(|foot| foot.is_some_and(|foot| foot.row == 59)));
+    }
+
+    #[test]
+    fn nearby_blends_alone_say_nothing() {
+        // Row 66 shows the ground at 2.5 m.
+        let blend = |row: usize, _: usize| (LEVEL..70).contains(&row);
+        let foot = |backing| Some(Foot { row: 69, backing });
+        assert!(painted(&SHAPE, none, blend).iter().all(|at| *at == foot(0)));
+        let feet = painted(&SHAPE, |row, _| row == 60, blend);
+        assert!(feet.iter().all(|at| *at == foot(200)), "a string has the own colour: {:?}", feet[0]);
     }
 
     #[test]
