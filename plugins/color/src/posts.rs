@@ -72,7 +72,8 @@ pub fn posts(pixels: &Pixels<'_>, shape: &Shape, camera_m: f64) -> Vec<Option<Fo
                 leans = next.unwrap_or(leans);
                 next.is_some()
             })?;
-            (share >= shape.least_share).then(|| Foot::of(row, share))
+            let foot = || Foot::of(row, share).doubted_nearby(slope(row), camera_m);
+            (share >= shape.least_share).then(foot)
         })
     };
     (0..WIDTH).map(foot).collect()
@@ -158,8 +159,8 @@ mod tests {
         joined(&posts, &View { rays: &rays, up: UP, above_m: ABOVE_M }, span_m)
     }
 
-    /// The feet of posts where these pixels are like them, by row and column.
-    fn painted(is_post: impl Fn(usize, usize) -> bool) -> Vec<(usize, usize)> {
+    /// The feet of posts where these pixels are like them, by row and column, and whether they say anything.
+    fn painted(is_post: impl Fn(usize, usize) -> bool) -> Vec<(usize, usize, bool)> {
         let rays = rays();
         let slopes: Vec<f64> =
             rays.iter().map(|ray| ray.y / ray.reject_from_normalized(UP).length()).collect();
@@ -168,7 +169,9 @@ mod tests {
         let none = vec![0; rays.len()];
         let pixels = Pixels { pure: &none, blended: &none, posts: &like, slopes: &slopes };
         let feet = posts(&pixels, &SHAPE, ABOVE_M);
-        feet.iter().enumerate().filter_map(|(column, foot)| foot.map(|foot| (foot.row, column))).collect()
+        let place =
+            |(column, foot): (usize, &Option<Foot>)| foot.map(|foot| (foot.row, column, foot.backing > 0));
+        feet.iter().enumerate().filter_map(place).collect()
     }
 
     #[test]
@@ -218,7 +221,19 @@ mod tests {
 
     #[test]
     fn a_post_that_leans_has_one_foot() {
-        assert_eq!(painted(|row, column| (24..60).contains(&row) && column == 60 + row / 12), [(59, 64)]);
+        assert_eq!(
+            painted(|row, column| (24..60).contains(&row) && column == 60 + row / 12),
+            [(59, 64, true)]
+        );
+    }
+
+    #[test]
+    fn a_post_nearby_says_nothing() {
+        // At 2.1 m, and at 2.6 m.
+        for (end, says) in [(70, false), (61, true)] {
+            let feet = painted(|row, column| (24..end).contains(&row) && column == 60);
+            assert_eq!(feet, [(end - 1, 60, says)]);
+        }
     }
 
     #[test]

@@ -74,10 +74,9 @@ pub fn feet(pixels: &Pixels<'_>, shape: &Shape, camera_m: f64) -> Vec<Option<Foo
     let top = shape.top(camera_m);
     let foot = |column: usize| {
         let column = Column { pixels, column };
-        let by_height = column.by_height(top, shape.least_share).map(|foot| {
-            let is_near = camera_m < BLENDS_FROM_M * column.slope(foot.row);
-            if is_near { Foot { backing: 0, ..foot } } else { foot }
-        });
+        let by_height = column
+            .by_height(top, shape.least_share)
+            .map(|foot| foot.doubted_nearby(column.slope(foot.row), camera_m));
         Foot::lower(by_height, column.by_colour())
     };
     (0..WIDTH).map(foot).collect()
@@ -89,9 +88,18 @@ impl Foot {
         Foot { row, backing: ((255.0 * share) as u8).max(KNOWN) }
     }
 
-    /// The lower of two feet of a column, as sure as the surer one.
+    /// The same foot, which says nothing where it is too near for blends.
+    pub(crate) fn doubted_nearby(self, slope: f64, camera_m: f64) -> Foot {
+        if camera_m < BLENDS_FROM_M * slope { Foot { backing: 0, ..self } } else { self }
+    }
+
+    /// The lower of two feet of a column. If they are close together it is as sure as the surer one.
     pub(crate) fn lower(a: Option<Foot>, b: Option<Foot>) -> Option<Foot> {
-        let both = |a: Foot, b: Foot| Foot { row: a.row.max(b.row), backing: a.backing.max(b.backing) };
+        let both = |a: Foot, b: Foot| {
+            let (lower, upper) = if a.row >= b.row { (a, b) } else { (b, a) };
+            let is_other = lower.backing == 0 && lower.row - upper.row > BELOW_ROWS;
+            if is_other { lower } else { Foot { backing: lower.backing.max(upper.backing), ..lower } }
+        };
         a.into_iter().chain(b).reduce(both)
     }
 }
@@ -229,6 +237,10 @@ mod tests {
         assert!(painted(&SHAPE, none, blend).iter().all(|at| *at == foot(0)));
         let feet = painted(&SHAPE, |row, _| row == 60, blend);
         assert!(feet.iter().all(|at| *at == foot(200)), "a string has the own colour: {:?}", feet[0]);
+        // What stands higher up in the column does not make it surer.
+        let other = Foot { row: 40, backing: 230 };
+        assert_eq!(Foot::lower(foot(0), Some(other)), foot(0));
+        assert_eq!(Foot::lower(Some(other), foot(180)), foot(230));
     }
 
     #[test]
