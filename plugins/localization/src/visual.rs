@@ -6,7 +6,7 @@
 //! correlation, which does not depend on exposure.
 //!
 //! On simulated drives over grass and mud with 320×240 pixels at 5 Hz, one step of up to 0.26 m is found with a standard
-//! deviation of 3 to 4 mm, whether the wheels slip or not.
+//! deviation of 2 to 4 mm, whether the wheels slip or not; with a calibration that is off by 0.2° and a pixel, 9 to 14 mm.
 
 use glam::{DMat3, DVec2, DVec3, Vec3};
 use rcs_geom::{PinholeCamera, Pose};
