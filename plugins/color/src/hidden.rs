@@ -89,8 +89,8 @@ impl<'a> Screens<'a> {
         (0..=steps).any(|step| {
             let behind_m = BEHIND_M + step as f64 * self.cell_size_m;
             let point = camera + middle * (1.0 + behind_m / distance_m);
-            let height_m = self.cell_of(point).and_then(|(column, row)| ground.get(column, row));
-            height_m.is_some_and(|height_m| height_m.is_finite() && height_m >= point.z)
+            let ground_z = self.cell_of(point).and_then(|(column, row)| ground.get(column, row));
+            ground_z.is_some_and(|z| z.is_finite() && z >= point.z)
         })
     }
 
