@@ -3,7 +3,12 @@
 //! Where images and wheels agree, the wheels count: they are told 50 times a second, and without noise. Where they do not,
 //! the wheels slip, and the images count: the next motion of the wheels by the share that the vehicle has made of the last
 //! one, and what was reckoned wrongly meanwhile is made up for, because images come late.
+//!
+//! Slip is told over each metre of the wheels ([`Grip::slipped`]); by position fixes it takes five ([`crate::way_slip`]).
 
+use crate::way_slip::Slipped;
+use glam::DVec3;
+use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -21,6 +26,9 @@ const SHARES: [f64; 2] = [-0.5, 1.5];
 const TIMEOUT_S: f64 = 0.8;
 /// Images come at most this late, s.
 const LATEST_S: f64 = 2.0;
+/// Way of the wheels over which slip is told, and between two reports, m.
+const WINDOW_M: f64 = 1.0;
+const REPORT_M: f64 = 0.4;
 
 /// Sums since the start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +36,15 @@ struct Sample {
     time: Stamp,
     rolled_m: f64,
     reckoned_m: f64,
+}
+
+/// What wheels and vehicle did between two images.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Step {
+    since: Stamp,
+    until: Stamp,
+    rolled_m: f64,
+    moved_m: f64,
 }
 
 /// The motion of the last seconds, and what images have told of it.
@@ -39,11 +56,22 @@ pub struct Grip {
     /// What images tell for each metre of wheels that grip.
     scale: f64,
     owed_m: f64,
+    /// Images that follow one another, of the last [`WINDOW_M`].
+    steps: VecDeque<Step>,
+    /// What the wheels have rolled since the last report, m.
+    unreported_m: f64,
 }
 
 impl Default for Grip {
     fn default() -> Grip {
-        Grip { samples: VecDeque::new(), told: None, scale: 1.0, owed_m: 0.0 }
+        Grip {
+            samples: VecDeque::new(),
+            told: None,
+            scale: 1.0,
+            owed_m: 0.0,
+            steps: VecDeque::new(),
+            unreported_m: 0.0,
+        }
     }
 }
 
@@ -84,6 +112,40 @@ impl Grip {
             self.scale = self.scale.clamp(SCALES[0], SCALES[1]);
         }
         self.told = Some((share, rolled_m, until));
+        if self.steps.back().is_some_and(|last| last.until != since) {
+            self.steps.clear();
+        }
+        self.steps.push_back(Step { since, until, rolled_m, moved_m: as_rolled_m });
+        self.unreported_m += rolled_m.abs();
+        while self.steps.len() > 1 && self.rolled_m(1..) >= WINDOW_M {
+            self.steps.pop_front();
+        }
+    }
+
+    /// Slip over the last metre of the wheels, each 0.4 m of them, given the pose with all that was owed.
+    pub fn slipped(&mut self, local_from_vehicle: &Pose) -> Option<Slipped> {
+        let rolled_m = self.rolled_m(0..);
+        if self.unreported_m < REPORT_M || rolled_m < WINDOW_M {
+            return None;
+        }
+        self.unreported_m = 0.0;
+        let (first, last) = (self.steps.front()?, self.steps.back()?);
+        let with_wheels_m = self.steps.iter().map(|step| step.moved_m * step.rolled_m.signum()).sum();
+        let since_last_m = self.samples.back()?.reckoned_m - self.sums_at(last.until)?[1];
+        let middle = (0..self.steps.len()).rev().find(|&at| self.rolled_m(at..) >= rolled_m / 2.0)?;
+        let back_m = since_last_m + self.steps.range(middle..).map(|step| step.moved_m).sum::<f64>();
+        Some(Slipped {
+            since: first.since,
+            rolled_m,
+            reckoned_m: with_wheels_m,
+            moved_m: with_wheels_m,
+            middle: *local_from_vehicle * Pose::from_translation(DVec3::X * -back_m),
+        })
+    }
+
+    /// Way of the wheels in these steps, without sign, m.
+    fn rolled_m(&self, steps: std::ops::RangeFrom<usize>) -> f64 {
+        self.steps.range(steps).map(|step| step.rolled_m.abs()).sum()
     }
 
     /// Whether images tell the motion at a time.
@@ -126,11 +188,20 @@ mod tests {
         Stamp((seconds * 1e9).round() as u64)
     }
 
-    /// Way of the vehicle as it is reckoned while its wheels roll like this, m/s over time, for 9 s, and stand for one, and the
-    /// vehicle moves by this share of it; and its true way, m. Images come five times a second, 0.25 s late.
-    fn reckoned(roll_mps: impl Fn(f64) -> f64, share: impl Fn(f64) -> f64, has_images: bool) -> [f64; 2] {
+    /// What is known of a vehicle for 10 s.
+    struct Known {
+        /// Its way, m, and its true way.
+        ways_m: [f64; 2],
+        /// What is told of slip, its true way at the time, and that in the middle of the last metre of the wheels.
+        slips: Vec<(Slipped, [f64; 2])>,
+    }
+
+    /// Wheels roll like this, m/s over time, for 9 s, and stand for one, and the vehicle moves by this share of it. Images
+    /// come five times a second, 0.25 s late.
+    fn known(roll_mps: impl Fn(f64) -> f64, share: impl Fn(f64) -> f64, has_images: bool) -> Known {
         let mut grip = Grip::default();
         let (mut way_m, mut true_m, mut truths) = (0.0, 0.0, vec![0.0]);
+        let mut slips = Vec::new();
         for step in 1..=500_usize {
             let time_s = step as f64 / 50.0;
             let rolled_m = if time_s < 9.0 { roll_mps(time_s) / 50.0 } else { 0.0 };
@@ -139,12 +210,16 @@ mod tests {
             let step_m = grip.share(at(time_s), rolled_m).unwrap_or(1.0) * rolled_m;
             grip.roll(at(time_s), rolled_m, step_m);
             way_m += step_m + grip.owed_m();
+            if let Some(slipped) = grip.slipped(&Pose::from_xy_yaw(way_m, 0.0, 0.0)) {
+                let halfway = 0.5 * (slipped.since.seconds_since(at(0.0)) + (step - 13) as f64 / 50.0);
+                slips.push((slipped, [true_m, truths[(halfway * 50.0) as usize]]));
+            }
             if has_images && step.is_multiple_of(10) && step >= 25 {
                 let (since, until) = ((step - 22) as f64 / 50.0, (step - 12) as f64 / 50.0);
                 grip.take(at(since), at(until), truths[step - 12] - truths[step - 22]);
             }
         }
-        [way_m, true_m]
+        Known { ways_m: [way_m, true_m], slips }
     }
 
     #[test]
@@ -161,20 +236,47 @@ mod tests {
             (&shaken, &mud),
             (&shaken, &stands),
         ] {
-            let [way_m, true_m] = reckoned(roll, share, true);
+            let [way_m, true_m] = known(roll, share, true).ways_m;
             assert!((way_m - true_m).abs() < 0.1, "{way_m} m instead of {true_m} m");
         }
-        let [way_m, true_m] = reckoned(ahead, mud, false);
+        let [way_m, true_m] = known(ahead, mud, false).ways_m;
         assert!(way_m - true_m > 2.0, "without images the wheels count");
     }
 
     #[test]
+    fn slip_is_told_within_a_metre_and_lies_where_the_vehicle_was() {
+        // Mud from 3.6 m on, until 7 s.
+        let mud = |time_s: f64| if (3.0..7.0).contains(&time_s) { 0.5 } else { 1.0 };
+        for direction in [1.0, -1.0] {
+            let told = known(|_| direction * 1.2, mud, true).slips;
+            assert!((17..=22).contains(&told.len()), "each 0.48 m: {}", told.len());
+            for (slipped, [_, middle_m]) in &told {
+                assert!((1.0..1.3).contains(&slipped.rolled_m), "{slipped:?}");
+                let told_m = slipped.middle.translation.x;
+                assert!((told_m - middle_m).abs() < 0.2, "{told_m} m instead of {middle_m} m");
+            }
+            let (_, [first_m, _]) = told.iter().find(|(slipped, _)| slipped.slip() >= 0.35).expect("mud");
+            assert!((3.9..4.6).contains(&(direction * first_m)), "{first_m}");
+            let slip_at = |place_m: f64| {
+                let near =
+                    told.iter().find(|(slipped, _)| direction * slipped.middle.translation.x >= place_m);
+                near.map_or(f64::NAN, |(slipped, _)| slipped.slip())
+            };
+            assert!(slip_at(2.0) < 0.01 && (0.45..0.51).contains(&slip_at(4.5)) && slip_at(6.8) < 0.01);
+        }
+        assert_eq!(known(|_| 1.2, mud, false).slips.len(), 0);
+        assert_eq!(known(|_| 0.0, mud, true).slips.len(), 0, "wheels that stand");
+        let (slipped, _) = known(|_| 1.2, |_| 0.0, true).slips.remove(3);
+        assert!((slipped.slip() - 1.0).abs() < 1e-9 && slipped.middle.translation.length() < 0.4);
+    }
+
+    #[test]
     fn wheels_that_grip_count_as_they_are_although_images_tell_too_little() {
-        let [way_m, _] = reckoned(|_| 1.2, |_| 0.95, true);
+        let [way_m, _] = known(|_| 1.2, |_| 0.95, true).ways_m;
         assert!((way_m - 1.2 * 449.0 / 50.0).abs() < 1e-9, "{way_m}");
         // Images that are 8 % too short: half of the way slips, after it has been learned.
         let slip = |time_s: f64| if time_s < 7.0 { 0.92 } else { 0.46 };
-        let [way_m, _] = reckoned(|_| 1.2, slip, true);
+        let [way_m, _] = known(|_| 1.2, slip, true).ways_m;
         let (firm_m, slipped_m) = (1.2 * 7.0, 1.2 * 0.5 * 2.0);
         assert!((way_m - firm_m - slipped_m).abs() < 0.1, "{way_m}");
     }

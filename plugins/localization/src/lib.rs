@@ -14,10 +14,10 @@
 //! | `local` | out | `foxglove.Odometry` | pose of the vehicle in the local frame with covariance: smooth, drifts |
 //! | `global` | out | `foxglove.Odometry` | pose of the vehicle in the global frame with covariance: noisy, does not drift |
 //! | `transforms` | out | `foxglove.FrameTransforms` | the local frame in the global frame |
-//! | `way_slip` | out | `rcs.WaySlip` | slip of the wheels over the last 5 m that they have rolled, by the fixes |
+//! | `way_slip` | out | `rcs.WaySlip` | slip of the wheels over the last metre that they have rolled, by images; over 5 m, by fixes, without them |
 //!
 //! Period 20 ms. `local` is sent whenever a sensor has reported, `global` and `transforms` every 100 ms after two
-//! position fixes have agreed, `way_slip` every 0.4 m while there are fixes. No commands besides those of the runtime.
+//! position fixes have agreed, `way_slip` every 0.4 m while there are images or fixes. No commands besides those of the runtime.
 //!
 //! It fuses wheel encoders, inertial sensors, position fixes, and the motion that images show. It uses no map: there is no
 //! loop closure.
@@ -49,7 +49,7 @@
 //! - [`attitude`]: roll, pitch and yaw by a complementary filter of gyros and accelerometers.
 //! - [`fixes`]: which fixes are accepted, and with what weight.
 //! - [`visual`]: motion between two images with depth. [`grip`]: what it tells of the wheels.
-//! - [`way_slip`]: slip that lasts, by the fixes.
+//! - [`way_slip`]: slip that lasts, by the fixes, where images tell nothing.
 //! - [`wheels`]: distance rolled by the wheels, and whether the vehicle stands.
 //! - [`rcs_sense::Origin`]: the global frame on the earth.
 //!

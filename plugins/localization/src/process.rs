@@ -55,7 +55,7 @@ pub struct Localization {
     slipping: Option<(f64, Stamp)>,
     /// Slip by the images of a camera.
     grip: Grip,
-    /// Slip over the last metres, by the fixes.
+    /// Slip over the last metres, by the fixes, where images tell nothing.
     way_slip: WaySlip,
     sent_global: Option<Stamp>,
 }
@@ -122,7 +122,7 @@ impl Process for Localization {
             way_slip: b
                 .output(
                     "way_slip",
-                    "slip of the wheels over the last 5 m that they have rolled, by the fixes",
+                    "slip of the wheels over the last metre that they have rolled, by images; over 5 m, by fixes, without them",
                 )
                 .role(Role::Stats)
                 .build(),
@@ -348,13 +348,15 @@ impl Localization {
         self.speed_mps += faster_mps;
         let gain = self.gain.map_or(0.0, |(gain, _)| gain);
         self.gain = Some((gain + 0.3 * (faster_mps / elapsed_s - gain), time));
+        let local_from_vehicle = Pose::new(attitude.level_from_vehicle, local.at.extend(self.height_m));
+        let seen = self.grip.slipped(&local_from_vehicle);
         let has_fixes = self.global.age_s(time).is_some_and(|age_s| age_s <= params.gps_dropout_s);
         let Some(global) = self.global.planar().filter(|_| has_fixes) else {
             self.way_slip.clear();
-            return Ok(None);
+            return Ok(seen);
         };
-        let local_from_vehicle = Pose::new(attitude.level_from_vehicle, local.at.extend(self.height_m));
-        Ok(self.way_slip.take(time, rolled_m, level_m, global, local_from_vehicle))
+        let by_fixes = self.way_slip.take(time, rolled_m, level_m, global, local_from_vehicle);
+        Ok(if self.grip.is_known(time) { seen } else { by_fixes })
     }
 
     fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams) -> Result<(), String> {

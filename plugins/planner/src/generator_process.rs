@@ -148,7 +148,7 @@ impl Process for WaypointGenerator {
             global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
             way_slip: b.optional_input(
                 "way_slip",
-                "slip over the last metres by position fixes: the route for the next run leaves out where the wheels slipped",
+                "slip over the last metres: the route for the next run leaves out where the wheels slipped",
             ),
             map: b.optional_input("map", "a world model's map, local frame, by which the route is cut"),
             registration: b.optional_input(

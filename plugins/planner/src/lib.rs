@@ -39,7 +39,7 @@
 //! | `far_path` | in, optional | `foxglove.PosesInFrame` | path of the planner of a larger map, local frame |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
 //! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
-//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres by position fixes: the route for the next run leaves out where the wheels slipped |
+//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres: the route for the next run leaves out where the wheels slipped |
 //! | `map` | in, optional | `foxglove.Grid` | a world model's map, local frame, by which the route is cut |
 //! | `registration` | in, optional | `foxglove.FrameTransforms` | the global frame of the remembered route in the local frame |
 //! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
@@ -77,7 +77,7 @@
 //! | `plan` | in, optional | `rcs.Plan` | the plan: for modes that begin when there is no way |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |
 //! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels and load of the motors, for modes |
-//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres by position fixes, for modes |
+//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres, for modes |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |

@@ -37,7 +37,7 @@ pub enum Signal {
     Bumper,
     /// Share of the wheels' motion that the vehicle does not make, by the inertial sensors; 0 if unknown.
     Slip,
-    /// The same over the last metres, by position fixes, since the last change of mode; 0 if unknown.
+    /// The same over the last metres since the last change of mode; 0 if unknown.
     WaySlip,
     /// 1 while a motor draws a high current and its wheel hardly turns, else 0.
     Stalled,

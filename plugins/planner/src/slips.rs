@@ -1,7 +1,7 @@
 //! Slip memory: where the wheels of a run slipped, for the next one, and its file.
 //!
 //! How slippery ground is cannot be seen, so the next run would drive onto it as this one did. A place is remembered where
-//! the vehicle was stopped by it: a mode that begins with slip barred it, or the position fixes told that the wheels
+//! the vehicle was stopped by it: a mode that begins with slip barred it, or images or position fixes told that the wheels
 //! turned on the spot. It is barred in the next run, too: at a price, so that it can be driven over where there is no
 //! other way. It is forgotten by a run that has driven over it.
 

@@ -7,7 +7,7 @@
 //! | `motors` | in, optional | `rcs.MotorCurrents` | currents of the drive motors, A |
 //! | `encoders` | in, optional | `rcs.WheelEncoders` | speeds of the wheels, m/s |
 //! | `imu` | in, optional | `rcs.Imu` | accelerations and turn rates; its axes are the vehicle's |
-//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres by position fixes |
+//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |

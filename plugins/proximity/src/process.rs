@@ -67,7 +67,7 @@ impl Process for Proximity {
             motors: b.optional_input("motors", "currents of the drive motors, A"),
             encoders: b.optional_input("encoders", "speeds of the wheels, m/s"),
             imu: b.optional_input("imu", "accelerations and turn rates; its axes are the vehicle's"),
-            way_slip: b.optional_input("way_slip", "slip over the last metres by position fixes"),
+            way_slip: b.optional_input("way_slip", "slip over the last metres"),
             poses: PosePorts::declare(b),
             bumper_cost: b
                 .output(

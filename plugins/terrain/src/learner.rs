@@ -50,6 +50,8 @@ pub struct TerrainLearner {
     pressed: [bool; 2],
     /// Whether the wheels spin or a motor is stalled, by the last report.
     slips: bool,
+    /// Whether the wheels slipped over the last metres.
+    slipped_on: bool,
     /// When it last sent what it knows, and whether driving has taught it something since.
     sent: Option<Stamp>,
     unsent: bool,
@@ -122,7 +124,7 @@ impl Process for TerrainLearner {
                 "places that the operator says are obstacles or ground",
             ),
             slip: b.optional_input("slip", "slip of the wheels: ground on which they begin to spin is dear; while they slip, driving teaches nothing"),
-            way_slip: b.optional_input("way_slip", "slip over the last metres by position fixes: ground on which it lasts is dear"),
+            way_slip: b.optional_input("way_slip", "slip over the last metres: ground on which it lasts is dear"),
             poses: PosePorts::declare(b),
             cost: b
                 .output(
@@ -169,6 +171,7 @@ impl Process for TerrainLearner {
             begun: None,
             pressed: [false; 2],
             slips: false,
+            slipped_on: false,
             sent: None,
             unsent: false,
             loaded: files(params),
@@ -366,6 +369,7 @@ impl TerrainLearner {
         // Without a pose no cell can be found; frames report it. A vehicle whose wheels slip is not where odometry says.
         if !extrinsics.fixed_pose
             && !self.slips
+            && !self.slipped_on
             && let Ok(pose) = extrinsics.local_from_vehicle(&self.localizer, cx.now())
         {
             let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
@@ -399,6 +403,7 @@ impl TerrainLearner {
             }
         }
         while let Some(report) = cx.read(&ports.way_slip) {
+            self.slipped_on = report.slip >= *SLIPPERY.start();
             if SLIPPERY.contains(&report.slip) {
                 match pose_of(report.middle.as_ref(), extrinsics.frames.local) {
                     Ok(pose) => places.push(pose),

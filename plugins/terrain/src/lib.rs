@@ -16,7 +16,7 @@
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper |
 //! | `examples` | in, optional | `rcs.TrainingExample` | places that the operator says are obstacles or ground |
 //! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels: ground on which they begin to spin is dear; while they slip, driving teaches nothing |
-//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres by position fixes: ground on which it lasts is dear |
+//! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres: ground on which it lasts is dear |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |

@@ -464,18 +464,15 @@ impl TerrainMap {
     }
 
     /// The number of the model by which a cell is judged: the one that it belongs to or resembles from near, or if only that
-    /// from afar has experience, that one.
-    fn number_of(&self, cell: &Cell) -> Option<u32> {
+    /// from afar has experience, that one; if neither has, the one of slippery ground that they are like.
+    fn number_of(&self, cell: &Cell, like: &[Option<u32>]) -> Option<u32> {
         let is_experienced = |number: &u32| {
             self.models.models.get(*number as usize).is_some_and(|model| model.terrain.experience() > 0)
         };
         let experienced = |number: Option<u32>| number.filter(is_experienced);
-        experienced(cell.model).or(experienced(cell.far)).or(cell.model)
-    }
-
-    /// The model by which a cell is judged.
-    fn model_of(&self, cell: &Cell) -> Option<&Model> {
-        self.number_of(cell).and_then(|number| self.models.models.get(number as usize))
+        let like = |number: Option<u32>| number.and_then(|number| *like.get(number as usize)?);
+        let of_its_own = experienced(cell.model).or(experienced(cell.far));
+        of_its_own.or_else(|| like(cell.model)).or_else(|| like(cell.far)).or(cell.model)
     }
 
     /// Up to this height, mm, driving tells of what looks like what was driven over: as high as any of that was.
@@ -492,7 +489,9 @@ impl TerrainMap {
     /// What is known of a cell (step 5): the obstacle fraction of its model, where it belongs to one or where experience
     /// backs one that it resembles; else its own. The fraction is scaled to 0 to 250. `None` where nothing is known.
     pub fn judge(&self, cell: &Cell, rules: &ModelRules) -> Option<Judgement> {
-        judgement(cell, self.model_of(cell), self.is_low(cell, self.driven_height_mm()), rules)
+        let number = self.number_of(cell, &self.models.like_slippery(rules));
+        let model = number.and_then(|number| self.models.models.get(number as usize));
+        judgement(cell, model, self.is_low(cell, self.driven_height_mm()), rules)
     }
 
     /// The south-west corner cell, and what is known of each cell, in row order from there. Some take the judgement of their
@@ -503,11 +502,12 @@ impl TerrainMap {
         let limit_mm = self.driven_height_mm();
         let driven = |model: &Model| (255.0 * model.driven_backing()).round() as u8;
         let driven: Vec<u8> = self.models.models.iter().map(driven).collect();
+        let like = self.models.like_slippery(rules);
         self.cells.for_each_run(|_, _, cells| {
             for cell in cells {
                 let cell = cell.as_deref();
                 let is_low = cell.is_none_or(|cell| self.is_low(cell, limit_mm));
-                let number = cell.and_then(|cell| self.number_of(cell));
+                let number = cell.and_then(|cell| self.number_of(cell, &like));
                 let model = number.and_then(|number| self.models.models.get(number as usize));
                 let driven = number.and_then(|number| driven.get(number as usize)).copied().unwrap_or(0);
                 judgements.push(cell.and_then(|cell| judgement(cell, model, is_low, rules)));

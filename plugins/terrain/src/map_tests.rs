@@ -275,6 +275,29 @@ fn ground_looks_different_from_afar_and_experience_teaches_both_looks() {
 }
 
 #[test]
+fn ground_that_is_like_mud_is_judged_like_it_before_wheels_have_spun_on_its_model() {
+    let mut map = empty();
+    // A model of the grass, one of the mud, and one of the mud farther away, which has a tenth of other pixels.
+    let grass = terrain(0o77777, 100, 0);
+    let mud = terrain(7, 100, 0);
+    let mut far_mud = terrain(7, 70, 0);
+    far_mud.merge(&terrain(0o70007, 30, 0));
+    let rules = ModelRules { merge_distance: 0.01, ..RULES };
+    map.learn(&[(place(0, 10), grass), (place(5, 0), mud), (place(25, 0), far_mud)], &rules);
+    let rules = ModelRules { merge_distance: 0.05, ..RULES };
+    let cost = |map: &TerrainMap, cell: (i64, i64)| {
+        map.judge(map.get(CellIndex::new(cell.0, cell.1)).unwrap(), &rules).unwrap().cost
+    };
+    assert_eq!([cost(&map, (5, 0)), cost(&map, (25, 0))], [0, 0]);
+    let wheels = Patch { x: [-0.2, 0.2], y: [-0.3, 0.3] };
+    map.spin(&Pose::from_xy_yaw(1.1, 0.1, 0.0), &wheels, 60.0, &rules);
+    let mud = cost(&map, (5, 0));
+    assert!((90..=100).contains(&mud), "{mud}");
+    assert_eq!([cost(&map, (25, 0)), cost(&map, (0, 10))], [mud, 0]);
+    assert_eq!(map.models.models[2].terrain.experience(), 0, "it has learned nothing itself");
+}
+
+#[test]
 fn a_look_from_afar_without_experience_does_not_count_for_the_surroundings_of_a_cell() {
     const AFAR: u16 = 7;
     let mut map = empty();
@@ -283,10 +306,10 @@ fn a_look_from_afar_without_experience_does_not_count_for_the_surroundings_of_a_
     look_from(&mut map, 20, &[(30, 0o70007, 1)]);
     let cell = map.get(CellIndex::new(30, 0)).unwrap();
     assert_eq!((cell.model, cell.far), (None, Some(0)));
-    assert_eq!(part_in_surroundings(Some(cell), map.number_of(cell)), Part::Takes);
+    assert_eq!(part_in_surroundings(Some(cell), map.number_of(cell, &[])), Part::Takes);
     map.models.models[0].terrain.driven = 10;
     let cell = map.get(CellIndex::new(30, 0)).unwrap();
-    assert_eq!(part_in_surroundings(Some(cell), map.number_of(cell)), Part::Gives);
+    assert_eq!(part_in_surroundings(Some(cell), map.number_of(cell, &[])), Part::Gives);
 }
 
 #[test]

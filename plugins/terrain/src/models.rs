@@ -69,6 +69,9 @@ const CONTRADICTED: [f64; 2] = [0.05, 0.2];
 /// Least number of points with which a cell can be said to resemble a model.
 pub const ALIKE_POINTS: u64 = 8;
 
+/// A model is like another one up to this multiple of the distance of a match.
+const LIKE: f32 = 2.0;
+
 impl Terrain {
     /// Number of points labelled from range.
     pub fn points(&self) -> u64 {
@@ -342,6 +345,24 @@ impl ModelSet {
         }
         let (best, distance) = rules.weights.signature(&cell.histograms).best(signatures)?;
         (distance <= rules.merge_distance + 1.0 / cell.points() as f32).then_some(best)
+    }
+
+    /// For each model of ground that has no experience, the number of the one that it is most like of those that were driven
+    /// over, if it is like it and wheels have slipped there: ground far ahead is mostly of models over which nothing has driven.
+    pub fn like_slippery(&self, rules: &ModelRules) -> Vec<Option<u32>> {
+        let signatures = self.signatures(&rules.weights);
+        let is_driven = |number: &usize| self.models[*number].terrain.driven > 0;
+        let driven: Vec<usize> = (0..self.models.len()).filter(is_driven).collect();
+        let driven_signatures: Vec<Signature> = driven.iter().map(|&number| signatures[number]).collect();
+        let like = |(model, signature): (&Model, &Signature)| {
+            let is_unknown_ground =
+                model.terrain.experience() == 0 && 2 * model.terrain.obstacle < model.terrain.points();
+            let (nearest, distance) = signature.best(&driven_signatures).filter(|_| is_unknown_ground)?;
+            let number = driven[nearest];
+            let is_slippery = self.models[number].terrain.bumped > 0;
+            (is_slippery && distance <= LIKE * rules.merge_distance).then_some(number as u32)
+        };
+        self.models.iter().zip(&signatures).map(like).collect()
     }
 
     /// Makes room for one more model by merging the two most similar models. Returns the index of the merged model,

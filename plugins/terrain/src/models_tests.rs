@@ -57,6 +57,33 @@ fn cells_that_look_alike_merge_and_others_become_models_until_there_is_no_room()
 }
 
 #[test]
+fn ground_over_which_nothing_has_driven_is_slippery_where_it_is_most_like_ground_that_is() {
+    // Shares of two colour bins; the squared distance of two mixtures is 2 × (difference of the shares)² here.
+    let mixed = |share: u64, is_ground: bool, driven: u64, bumped: u64| {
+        let mut terrain = cell(0, share, 0);
+        terrain.merge(&cell(0o11111, 100 - share, 0));
+        if !is_ground {
+            (terrain.ground, terrain.obstacle) = (0, 100);
+        }
+        Model::new(Terrain { driven, bumped, ..terrain }, 1)
+    };
+    let models = vec![
+        mixed(100, true, 10, 0),
+        mixed(0, true, 36, 24),
+        // Like the second one; an obstacle there; between both; like the first one.
+        mixed(30, true, 0, 0),
+        mixed(30, false, 0, 0),
+        mixed(50, true, 0, 0),
+        mixed(80, true, 0, 0),
+    ];
+    let mut set = ModelSet { models, named: 0 };
+    assert_eq!(set.like_slippery(&RULES), [None, None, Some(1), None, None, None]);
+    set.models.push(mixed(25, true, 5, 0));
+    assert_eq!(set.like_slippery(&RULES), [None; 7], "it is more like firm ground now");
+    assert_eq!(ModelSet::default().like_slippery(&RULES), []);
+}
+
+#[test]
 fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells() {
     let nothing = Terrain::default();
     let mut model = Model::new(Terrain::default(), 1000);

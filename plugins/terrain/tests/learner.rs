@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
-use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
+use rcs_msg::foxglove::{CameraCalibration, Grid, Odometry, RawImage};
 use rcs_msg::rcs::{Command, ExampleKind, ModelToDelete, PlanePoint, PlanePolygon, TrainingExample, WaySlip};
 use rcs_msg::{Stamp, schema_of};
 use rcs_runtime::ProcessType;
@@ -29,6 +29,7 @@ left_depth = "/operator/depth"
 left_calibration = "/operator/calibration"
 examples = "/operator/training"
 way_slip = "/operator/way_slip"
+odometry = "/operator/odometry"
 
 [process.params]
 learn_while_standing = true
@@ -180,6 +181,21 @@ fn ground_on_which_slip_lasts_is_dear_and_so_is_what_looks_like_it() {
     bench.write("/operator/way_slip", WaySlip { middle: None, ..slip(0.5) });
     bench.advance(100);
     assert!(bench.faults("terrain").1.starts_with("way_slip: "), "{:?}", bench.faults("terrain"));
+}
+
+#[test]
+fn while_the_wheels_slip_driving_teaches_nothing() {
+    let moving = STACK.replace("pose = { source = \"POSE_FIXED\" }\n", "");
+    let mut bench = Setup::new(&moving, PROCESSES).bench();
+    for (step, slip) in [0.0, 0.1, 0.9, 0.9, 0.1].into_iter().enumerate() {
+        let pose = Some(rcs_sense::pose_message(&Pose::from_xy_yaw(2.0 * step as f64, 0.0, 0.0)));
+        bench.write("/operator/way_slip", WaySlip { slip, middle: pose, ..WaySlip::default() });
+        let frame_id = "local".to_owned();
+        bench.write("/operator/odometry", Odometry { frame_id, pose, ..Odometry::default() });
+        bench.advance(100);
+    }
+    let under = [0.0, 2.0, 4.0, 6.0, 8.0].map(|x| cost(&bench, x, 0.1));
+    assert_eq!(under, [0.0, 0.0, 255.0, 255.0, 0.0]);
 }
 
 #[test]
