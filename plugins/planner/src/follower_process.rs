@@ -107,7 +107,7 @@ impl Process for WaypointFollower {
             bumper: b.optional_input("bumper", "switches of the bumper, for modes"),
             slip: b.optional_input("slip", "slip of the wheels and load of the motors, for modes"),
             way_slip: b
-                .optional_input("way_slip", "slip over the last metres by position fixes, for modes"),
+                .optional_input("way_slip", "slip over the last metres, for modes"),
             poses: PosePorts::declare(b),
             drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             arc: b.output("arc", "the arc that is driven, local frame").role(Role::Path).build(),
@@ -341,7 +341,8 @@ impl WaypointFollower {
             Some(Action::Shake) => {
                 let now = cx.now();
                 let began = self.modes.active().map_or(now, |(_, began)| began);
-                let order = shaken(&mut self.shakes, &style, now.seconds_since(began), now, cx.rng());
+                let begun = (self.modes.begun(), now.seconds_since(began));
+                let order = shaken(&mut self.shakes, &style, vehicle, begun, now, cx.rng());
                 (None, [careful(&scored, &style, order), order[1]])
             }
         };

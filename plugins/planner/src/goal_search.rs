@@ -10,8 +10,8 @@ use rcs_geom::{DVec2, wrap_angle};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// Error of the estimate: standard deviations along each axis, m, and the share of each. It is 0.93 m in most drives
-/// (docs/autonomy.md), and more after wheels have slipped.
+/// Error of the estimate: standard deviations along each axis, m, and the share of each. Along an axis it is 0.93 m
+/// in most drives (1.3 m in the plane, docs/autonomy.md), and more after wheels have slipped.
 const ERRORS: [(f64, f64); 2] = [(0.95, 0.8), (2.0, 0.2)];
 /// The probability is kept for cells of this size, m, this many to each side of the estimate.
 const CELL_M: f64 = 0.3;

@@ -6,7 +6,7 @@ use crate::modes::Mode;
 use crate::proto::WaypointFollowerParams;
 use crate::settings::rules_of;
 use rand_core::RngCore;
-use rcs_geom::Pose;
+use rcs_geom::{DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::rcs::{ScoredArc, scored_arc};
 use rcs_sense::pose_message;
@@ -106,16 +106,27 @@ pub(crate) fn reversed(
 /// wheels grip.
 const SHAKE_BACKWARD_S: f64 = 2.5;
 
-/// The action SHAKE: backward, then at random speeds and turn rates for half a second each.
+/// On ground that is steeper than this, rad, a vehicle that shakes itself free turns until it faces downhill, or uphill, by
+/// less than this, rad, and drives down.
+const STEEP_RAD: f64 = 0.1;
+const DOWNHILL_RAD: f64 = 0.7;
+
+/// The action SHAKE: backward, then at random speeds and turn rates for half a second each. On a slope it goes
+/// downhill instead: it takes most of the grip of a vehicle that stands across a slope to hold it there. By the `number` of the
+/// mode, that is so in two of four, also where every second one is a different action.
 pub(crate) fn shaken(
     shakes: &mut Option<([f64; 2], Stamp)>,
     style: &Style,
-    since_s: f64,
+    vehicle: &Pose,
+    (number, since_s): (u32, f64),
     now: Stamp,
     rng: &mut impl RngCore,
 ) -> [f64; 2] {
     if since_s < SHAKE_BACKWARD_S {
         return [-style.max_speed_mps, 0.0];
+    }
+    if let Some(order) = downhill(vehicle, style).filter(|_| (number / 2).is_multiple_of(2)) {
+        return order;
     }
     if let Some((order, since)) = shakes
         && now.seconds_since(*since) < 0.5
@@ -126,6 +137,18 @@ pub(crate) fn shaken(
     let order = [drawn() * style.max_speed_mps, drawn() * style.mode_yaw_rate_radps];
     *shakes = Some((order, now));
     order
+}
+
+/// Turns the nearer end of the vehicle downhill, then drives there, m/s and rad/s; `None` on ground that is not steep.
+fn downhill(vehicle: &Pose, style: &Style) -> Option<[f64; 2]> {
+    let down = vehicle.rotation.conjugate() * DVec3::NEG_Z;
+    if libm::hypot(down.x, down.y) < STEEP_RAD {
+        return None;
+    }
+    let direction = if down.x < 0.0 { -1.0 } else { 1.0 };
+    let off_rad = libm::atan2(down.y * direction, down.x * direction);
+    let turn = if off_rad.abs() > DOWNHILL_RAD { off_rad.signum() * style.mode_yaw_rate_radps } else { 0.0 };
+    Some(if turn == 0.0 { [direction * style.max_speed_mps, 0.0] } else { [0.0, turn] })
 }
 
 /// Speed at which the bumper of a vehicle that shakes itself free touches what is known to be in its way, m/s: slower than
@@ -209,6 +232,8 @@ pub(crate) fn arc_rules(params: &WaypointFollowerParams, mode: Option<&Mode>) ->
 mod tests {
     use super::*;
     use crate::proto::{TerrainClass, TerrainCosts};
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::SeedableRng;
 
     fn speeds_of(motion: Motion, curvature_per_m: f64, free_m: f64) -> [f64; 2] {
         speeds_over(motion, curvature_per_m, free_m, 0.0)
@@ -245,6 +270,32 @@ mod tests {
             assert!((speed_mps - side * libm::sqrt(0.1)).abs() < 1e-9, "{motion:?}: {speed_mps}");
             assert_eq!(speeds_of(motion, 0.0, 0.2)[0], side * 0.25, "{motion:?}");
         }
+    }
+
+    #[test]
+    fn on_a_slope_a_vehicle_turns_its_nearer_end_downhill_and_drives_there_in_two_of_four_modes() {
+        let mut style = Style::new(&WaypointFollowerParams::default(), None);
+        (style.max_speed_mps, style.mode_yaw_rate_radps) = (0.6, 0.5);
+        let order = |[roll, pitch]: [f64; 2], number: u32, since_s: f64| {
+            let vehicle = Pose::from_rpy(DVec3::ZERO, roll, pitch, 1.0);
+            let mut rng = ChaCha8Rng::seed_from_u64(1);
+            shaken(&mut None, &style, &vehicle, (number, since_s), Stamp(0), &mut rng)
+        };
+        for (tilt, expected) in [
+            // The front, the back, the left side and the right side are low; the last two lie a little to one end.
+            ([0.0, 0.2], [0.6, 0.0]),
+            ([0.0, -0.2], [-0.6, 0.0]),
+            ([-0.2, 0.01], [0.0, 0.5]),
+            ([0.2, 0.01], [0.0, -0.5]),
+            ([-0.2, -0.01], [0.0, -0.5]),
+        ] {
+            assert_eq!(order(tilt, 1, 3.0), expected, "{tilt:?}");
+            assert_eq!(order(tilt, 1, 1.0), [-0.6, 0.0], "it begins backward");
+            assert_ne!(order(tilt, 2, 3.0), expected, "it moves at random");
+            assert_eq!([order(tilt, 4, 3.0), order(tilt, 5, 3.0)], [expected; 2]);
+        }
+        let [speed_mps, turn] = order([0.02, 0.02], 1, 3.0);
+        assert!(speed_mps.abs() < 0.6 && turn.abs() < 0.5, "flat ground: at random");
     }
 
     #[test]

@@ -20,6 +20,8 @@ use serde::{Deserialize, Serialize};
 /// what was driven over is safe.
 const DRIVEN: u8 = 10;
 const FREE: u8 = 15;
+/// Ground that costs more than this, such as mud, is no way for a cut, unless it was driven over.
+const MOST_FREE: u8 = 50;
 /// Distance from the track at which a cell belongs to it, m.
 const BESIDE_M: f64 = 0.5;
 /// Least distance of a cut from what is in the way, m: holes of a fence that are narrower than twice this are no way.
@@ -141,11 +143,11 @@ fn cut(
     Some([*first].into_iter().chain(between).chain([*last]).collect())
 }
 
-/// The costs of the cells for a cut: [`DRIVEN`], [`FREE`], or blocked; unknown cells are blocked.
+/// The costs of the cells for a cut: [`DRIVEN`], [`FREE`], or blocked; unknown and dear cells are blocked.
 fn costs(driven: &[WayPoint], sensed: &Sensed, barred: &[BarredPlace]) -> Option<CostGrid> {
-    let is_free = |fused: u8| fused < OBSTACLE_COST;
+    let is_free = |fused: u8| fused <= MOST_FREE;
     let in_the_way: Vec<bool> =
-        sensed.fused.iter().map(|&fused| !is_free(fused) && fused != UNKNOWN_COST).collect();
+        sensed.fused.iter().map(|&fused| fused >= OBSTACLE_COST && fused != UNKNOWN_COST).collect();
     let room = (ROOM_M / sensed.cell_size_m).ceil() as usize;
     let mut clearance = Clearance::default();
     let squared = clearance.squared(sensed.columns, &in_the_way, room);
@@ -271,6 +273,26 @@ mod tests {
         let before = way.clone();
         way.cut(&trap(), &[], to_global);
         assert_eq!(way.in_global(false, to_global), before.in_global(false, to_global));
+    }
+
+    #[test]
+    fn a_way_around_mud_is_not_cut_through_it_and_ground_that_costs_a_little_is() {
+        let around = [(-18.0, 14.0), (-18.0, 5.0), (-2.0, 5.0), (-2.0, 14.0)];
+        for (cost, is_cut) in [(40, true), (90, false)] {
+            let mut ground = trap();
+            for at in 0..ground.fused.len() {
+                let place = Place::new((at % ground.columns) as i32, (at / ground.columns) as i32);
+                let centre = ground.centre(place);
+                if (-14.0..-6.0).contains(&centre.x) && centre.y > 6.0 {
+                    ground.fused[at] = cost;
+                }
+            }
+            let mut way = along(&around);
+            way.cut(&ground, &[], to_global);
+            let kept = way.in_global(false, to_global);
+            let is_through = kept.iter().any(|at| (-13.0..-7.0).contains(&at.x) && at.y > 107.0);
+            assert_eq!(is_through, is_cut, "ground that costs {cost}: {kept:?}");
+        }
     }
 
     #[test]
