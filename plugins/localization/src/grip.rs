@@ -26,8 +26,9 @@ const SHARES: [f64; 2] = [-0.5, 1.5];
 const TIMEOUT_S: f64 = 0.8;
 /// Images come at most this late, s.
 const LATEST_S: f64 = 2.0;
-/// Way of the wheels over which slip is told, and between two reports, m.
+/// Way of the wheels over which slip is told, m, within at most this time, s; and way between two reports, m.
 const WINDOW_M: f64 = 1.0;
+const WINDOW_S: f64 = 30.0;
 const REPORT_M: f64 = 0.4;
 
 /// Sums since the start.
@@ -117,14 +118,18 @@ impl Grip {
         }
         self.steps.push_back(Step { since, until, rolled_m, moved_m: as_rolled_m });
         self.unreported_m += rolled_m.abs();
-        while self.steps.len() > 1 && self.rolled_m(1..) >= WINDOW_M {
+        let is_full = |steps: &VecDeque<Step>| {
+            let is_old = steps.front().is_some_and(|first| until.seconds_since(first.since) > WINDOW_S);
+            is_old || rolled_m_of(steps, 1..) >= WINDOW_M
+        };
+        while self.steps.len() > 1 && is_full(&self.steps) {
             self.steps.pop_front();
         }
     }
 
     /// Slip over the last metre of the wheels, each 0.4 m of them, given the pose with all that was owed.
     pub fn slipped(&mut self, local_from_vehicle: &Pose) -> Option<Slipped> {
-        let rolled_m = self.rolled_m(0..);
+        let rolled_m = rolled_m_of(&self.steps, 0..);
         if self.unreported_m < REPORT_M || rolled_m < WINDOW_M {
             return None;
         }
@@ -132,7 +137,8 @@ impl Grip {
         let (first, last) = (self.steps.front()?, self.steps.back()?);
         let with_wheels_m = self.steps.iter().map(|step| step.moved_m * step.rolled_m.signum()).sum();
         let since_last_m = self.samples.back()?.reckoned_m - self.sums_at(last.until)?[1];
-        let middle = (0..self.steps.len()).rev().find(|&at| self.rolled_m(at..) >= rolled_m / 2.0)?;
+        let middle =
+            (0..self.steps.len()).rev().find(|&at| rolled_m_of(&self.steps, at..) >= rolled_m / 2.0)?;
         let back_m = since_last_m + self.steps.range(middle..).map(|step| step.moved_m).sum::<f64>();
         Some(Slipped {
             since: first.since,
@@ -141,11 +147,6 @@ impl Grip {
             moved_m: with_wheels_m,
             middle: *local_from_vehicle * Pose::from_translation(DVec3::X * -back_m),
         })
-    }
-
-    /// Way of the wheels in these steps, without sign, m.
-    fn rolled_m(&self, steps: std::ops::RangeFrom<usize>) -> f64 {
-        self.steps.range(steps).map(|step| step.rolled_m.abs()).sum()
     }
 
     /// Whether images tell the motion at a time.
@@ -178,6 +179,11 @@ impl Grip {
         let between = |from: f64, to: f64| from + (to - from) * part;
         Some([between(from.rolled_m, to.rolled_m), between(from.reckoned_m, to.reckoned_m)])
     }
+}
+
+/// Way of the wheels in some of the steps, without sign, m.
+fn rolled_m_of(steps: &VecDeque<Step>, some: std::ops::RangeFrom<usize>) -> f64 {
+    steps.range(some).map(|step| step.rolled_m.abs()).sum()
 }
 
 #[cfg(test)]
@@ -266,6 +272,12 @@ mod tests {
         }
         assert_eq!(known(|_| 1.2, mud, false).slips.len(), 0);
         assert_eq!(known(|_| 0.0, mud, true).slips.len(), 0, "wheels that stand");
+        let mut stands = Grip::default();
+        for step in 0..3000 {
+            stands.roll(at(f64::from(step) * 0.2), 0.0, 0.0);
+            stands.take(at(f64::from(step - 1) * 0.2), at(f64::from(step) * 0.2), 0.0);
+        }
+        assert!((100..200).contains(&stands.steps.len()), "it does not grow: {}", stands.steps.len());
         let (slipped, _) = known(|_| 1.2, |_| 0.0, true).slips.remove(3);
         assert!((slipped.slip() - 1.0).abs() < 1e-9 && slipped.middle.translation.length() < 0.4);
     }
