@@ -2,31 +2,25 @@
 
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::camera::{CameraPorts, Frame, LearnerCamera, learned_port};
+use crate::experience::{TeacherPorts, Teachers};
 use crate::frame::join;
 use crate::judgement::Judgement;
-use crate::map::{Experience, Learned, Patch, TerrainMap};
+use crate::map::{Learned, TerrainMap};
 use crate::models::{ModelRules, ModelSet, models_of_text};
 use crate::proto::{TerrainCamera, TerrainCameras, TerrainLearnerParams, TerrainModels, TerrainStats};
 use crate::unusable::Unusable;
-use glam::{DVec2, DVec3};
 use rcs_geom::CellIndex;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
-use rcs_msg::rcs::{
-    Bumper, ExampleKind, ModelToDelete, PlanePoint, SlipReport, TractionState, TrainingExample, WaySlip,
-};
-use rcs_runtime::{Cycle, In, InputRole, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_msg::rcs::ModelToDelete;
+use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, SLIPPERY, fingerprint, model_to_delete,
-    pose_of,
+    Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, fingerprint, model_to_delete,
 };
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// The driven wheels touch the ground within this distance ahead of and behind the vehicle frame's origin, m.
-const WHEELS_REACH_M: f64 = 0.2;
 
 rcs_runtime::commands! {
     /// Commands of [`TerrainLearner`].
@@ -36,8 +30,8 @@ rcs_runtime::commands! {
     }
 }
 
-/// State: poses, the last images of the cameras, whether the wheels slip, and one map with its models for each learned
-/// set.
+/// State: poses, the last images of the cameras, what bumper and wheels said last, and one map with its models for each
+/// learned set.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TerrainLearner {
     localizer: Localizer,
@@ -46,12 +40,7 @@ pub struct TerrainLearner {
     maps: Vec<TerrainMap>,
     /// Time of the first labels of any camera.
     begun: Option<Stamp>,
-    /// Which bumper switches are pressed.
-    pressed: [bool; 2],
-    /// Whether the wheels spin or a motor is stalled, by the last report.
-    slips: bool,
-    /// Whether the wheels slipped over the last metres.
-    slipped_on: bool,
+    teachers: Teachers,
     /// When it last sent what it knows, and whether driving has taught it something since.
     sent: Option<Stamp>,
     unsent: bool,
@@ -66,10 +55,7 @@ pub struct TerrainLearner {
 pub struct Ports {
     left: CameraPorts,
     right: CameraPorts,
-    bumper: In<Bumper>,
-    examples: In<TrainingExample>,
-    slip: In<SlipReport>,
-    way_slip: In<WaySlip>,
+    teachers: TeacherPorts,
     poses: PosePorts,
     cost: Out<Grid>,
     models: [Out<TerrainModels>; 2],
@@ -117,14 +103,7 @@ impl Process for TerrainLearner {
         Ports {
             left: CameraPorts::left(b),
             right: CameraPorts::right(b),
-            bumper: b.optional_input("bumper", "switches of the bumper"),
-            examples: b.operator_input(
-                InputRole::Training,
-                "examples",
-                "places that the operator says are obstacles or ground",
-            ),
-            slip: b.optional_input("slip", "slip of the wheels: ground on which they begin to spin is dear; while they slip, driving teaches nothing"),
-            way_slip: b.optional_input("way_slip", "slip over the last metres: ground on which it lasts is dear"),
+            teachers: TeacherPorts::declare(b),
             poses: PosePorts::declare(b),
             cost: b
                 .output(
@@ -169,9 +148,7 @@ impl Process for TerrainLearner {
             cameras: Default::default(),
             maps: maps(params),
             begun: None,
-            pressed: [false; 2],
-            slips: false,
-            slipped_on: false,
+            teachers: Teachers::default(),
             sent: None,
             unsent: false,
             loaded: files(params),
@@ -216,7 +193,8 @@ impl Process for TerrainLearner {
             }
         }
         self.report_late_camera(params, cx);
-        let [driven, told] = self.experience(ports, params, &rules, cx);
+        let [driven, told] =
+            self.teachers.teach(&mut self.maps, &self.localizer, &ports.teachers, params, &rules, cx);
         self.unsent |= driven;
         let now = cx.now();
         let is_late = self.sent.is_none_or(|sent| now.seconds_since(sent) >= SEND_AFTER_S);
@@ -332,118 +310,6 @@ impl TerrainLearner {
         }
     }
 
-    /// Learns from the ground under the vehicle, from bumper hits and from the operator; returns whether driving taught
-    /// anything, and whether the others did.
-    fn experience(
-        &mut self,
-        ports: &Ports,
-        params: &TerrainLearnerParams,
-        rules: &ModelRules,
-        cx: &mut Cycle<'_>,
-    ) -> [bool; 2] {
-        let extrinsics = extrinsics(params);
-        let before: Vec<_> = self.maps.iter().map(TerrainMap::experienced).collect();
-        let half = params.width_m / 2.0;
-        while let Some(bumper) = cx.read(&ports.bumper) {
-            let pressed = [bumper.left, bumper.right];
-            let hit: [bool; 2] = std::array::from_fn(|side| pressed[side] && !self.pressed[side]);
-            self.pressed = pressed;
-            if hit == [false; 2] {
-                continue;
-            }
-            match extrinsics.local_from_vehicle(&self.localizer, bumper.acq_time()) {
-                Ok(pose) => {
-                    let y = [if hit[1] { -half } else { 0.0 }, if hit[0] { half } else { 0.0 }];
-                    let patch = Patch { x: [params.front_m, params.front_m + params.bumper_reach_m], y };
-                    self.maps.iter_mut().for_each(|map| map.bump(&pose, &patch, params.bumper_gain, rules));
-                }
-                Err(error) => cx.fault(format!("bumper: {error}; hit skipped")),
-            }
-        }
-        while let Some(example) = cx.read(&ports.examples) {
-            if let Err(error) = self.mark(&example, params, rules, cx.now()) {
-                cx.fault(format!("example of the operator: {error}; skipped"));
-            }
-        }
-        self.slip_teaches(ports, params, rules, cx);
-        // Without a pose no cell can be found; frames report it. A vehicle whose wheels slip is not where odometry says.
-        if !extrinsics.fixed_pose
-            && !self.slips
-            && !self.slipped_on
-            && let Ok(pose) = extrinsics.local_from_vehicle(&self.localizer, cx.now())
-        {
-            let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
-            self.maps.iter_mut().for_each(|map| map.drive(&pose, &outline, params.driven_gain, rules));
-        }
-        let differs = |part: std::ops::Range<usize>| {
-            let mut maps = self.maps.iter().zip(&before);
-            maps.any(|(map, before)| map.experienced()[part.clone()] != before[part.clone()])
-        };
-        [differs(0..1), differs(1..3)]
-    }
-
-    /// Learns from wheels that begin to spin, and from slip that lasts, which is told some metres later.
-    fn slip_teaches(
-        &mut self,
-        ports: &Ports,
-        params: &TerrainLearnerParams,
-        rules: &ModelRules,
-        cx: &mut Cycle<'_>,
-    ) {
-        let extrinsics = extrinsics(params);
-        let half = params.width_m / 2.0;
-        let wheels = Patch { x: [-WHEELS_REACH_M, WHEELS_REACH_M], y: [-half, half] };
-        let slipped = self.slips;
-        let mut places = Vec::new();
-        if let Some(report) = cx.read_newest(&ports.slip) {
-            self.slips =
-                matches!(report.state(), TractionState::TractionSpins | TractionState::TractionStalled);
-            if report.state() == TractionState::TractionSpins && !slipped && !extrinsics.fixed_pose {
-                places.extend(extrinsics.local_from_vehicle(&self.localizer, report.acq_time()));
-            }
-        }
-        while let Some(report) = cx.read(&ports.way_slip) {
-            self.slipped_on = report.slip >= *SLIPPERY.start();
-            if SLIPPERY.contains(&report.slip) {
-                match pose_of(report.middle.as_ref(), extrinsics.frames.local) {
-                    Ok(pose) => places.push(pose),
-                    Err(error) => cx.fault(format!("way_slip: {error}; skipped")),
-                }
-            }
-        }
-        for place in &places {
-            self.maps.iter_mut().for_each(|map| map.spin(place, &wheels, params.slip_gain, rules));
-        }
-    }
-
-    /// Learns from what an operator has drawn.
-    fn mark(
-        &mut self,
-        example: &TrainingExample,
-        params: &TerrainLearnerParams,
-        rules: &ModelRules,
-        now: Stamp,
-    ) -> Result<(), String> {
-        let extrinsics = extrinsics(params);
-        let (local, frame_id) = (extrinsics.frames.local, &example.frame_id);
-        let local_from_outline = self.localizer.lookup(local, frame_id, now, extrinsics.max_age_s);
-        let local_from_outline = local_from_outline.map_err(|error| error.to_string())?;
-        let points = example.outline.iter().flat_map(|outline| &outline.points);
-        let place = |point: &PlanePoint| local_from_outline * DVec3::new(point.x_m, point.y_m, 0.0);
-        let outline: Vec<DVec2> = points.map(|point| place(point).truncate()).collect();
-        if outline.len() < 3 || !outline.iter().all(|corner| corner.is_finite()) {
-            return Err(format!("outline has {} corners, expected at least 3 places", outline.len()));
-        }
-        let what = match ExampleKind::try_from(example.kind) {
-            Ok(ExampleKind::ExampleObstacle) => Experience::Bumped,
-            Ok(ExampleKind::ExampleGround) => Experience::Driven,
-            Err(_) => return Err(format!("kind is {}, expected 0 or 1", example.kind)),
-        };
-        let marked: u64 =
-            self.maps.iter_mut().map(|map| map.mark(&outline, what, params.marked_gain, rules)).sum();
-        if marked == 0 { Err("it lies outside of the map".to_owned()) } else { Ok(()) }
-    }
-
     /// Sends what is known of all cells, and all models.
     fn send(
         &self,
@@ -497,7 +363,7 @@ impl TerrainLearner {
 }
 
 /// How the poses of vehicle and cameras are found.
-fn extrinsics(params: &TerrainLearnerParams) -> Extrinsics<'_> {
+pub(crate) fn extrinsics(params: &TerrainLearnerParams) -> Extrinsics<'_> {
     Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }
 

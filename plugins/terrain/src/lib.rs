@@ -90,6 +90,7 @@ pub mod appearance;
 mod camera;
 pub mod classifier;
 pub mod classify;
+mod experience;
 pub mod frame;
 pub mod judgement;
 mod learner;
