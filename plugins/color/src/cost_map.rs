@@ -95,8 +95,9 @@ impl<'a> Ground<'a> {
             let Known { pure, blended, posts: of_posts } = known;
             let pixels = Pixels { pure, blended, posts: of_posts, slopes: &slopes };
             let view = View { rays: place.rays, up: up_in_camera, above_m };
+            let place = |column: usize, foot: &Foot| camera + turn * view.place(foot.row, column);
             let is_hidden = |column: usize, foot: &Foot| {
-                let at = camera + turn * view.place(foot.row, column);
+                let at = place(column, foot);
                 screens.is_some_and(|screens| {
                     screens.hides(camera, at)
                         || screens.towers_over(camera, at, shape.height_m)
@@ -107,12 +108,22 @@ impl<'a> Ground<'a> {
                 let with_column = feet.into_iter().enumerate();
                 with_column.map(|(column, foot)| foot.filter(|foot| !is_hidden(column, foot))).collect()
             };
-            let feet = seen(feet(&pixels, &shape, above_m));
-            if shape.span_m == 0.0 {
-                return feet;
+            let mut feet = seen(feet(&pixels, &shape, above_m));
+            if shape.span_m > 0.0 {
+                let posts = joined(&seen(posts(&pixels, &shape, above_m)), &view, shape.span_m);
+                feet = std::iter::zip(feet, posts).map(|(foot, post)| Foot::lower(foot, post)).collect();
             }
-            let posts = joined(&seen(posts(&pixels, &shape, above_m)), &view, shape.span_m);
-            std::iter::zip(feet, posts).map(|(foot, post)| Foot::lower(foot, post)).collect()
+            let says = |foot: &Foot| foot.backing > 0;
+            let placed = |(column, foot): (usize, &Option<Foot>)| {
+                foot.as_ref().filter(|foot| says(foot)).map(|foot| place(column, foot))
+            };
+            let placed = feet.iter().enumerate().filter_map(placed);
+            if screens.is_some_and(|screens| screens.nothing_stands(camera, placed)) {
+                for (column, slot) in feet.iter_mut().enumerate() {
+                    *slot = slot.filter(|foot| !says(foot) || !Screens::is_near(camera, place(column, foot)));
+                }
+            }
+            feet
         });
         let feet = feet.unwrap_or_default();
         let mut costs = Cow::Borrowed(costs);
@@ -340,6 +351,19 @@ mod tests {
         };
         assert!(backed(None) >= 4);
         assert_eq!(backed(Some(&screens)), 0);
+    }
+
+    #[test]
+    fn what_is_near_and_has_no_shape_is_soil() {
+        let is_fence = |p: DVec3| if (4.0..7.0).contains(&p.x) && p.y.abs() < 1.0 { 200 } else { 0 };
+        let backed = |height_m: Option<f32>| {
+            let grid = crate::hidden::tests::ground(height_m);
+            let view = rcs_world::GridView::new(&grid).unwrap();
+            let map = check_known(Pose::IDENTITY, |_| 40, is_fence, Screens::of(&view).as_ref());
+            map.backings.iter().filter(|backing| **backing > 0).count()
+        };
+        assert!(backed(Some(1.0)) >= 4);
+        assert_eq!(backed(None), 0);
     }
 
     #[test]

@@ -8,6 +8,9 @@
 //!
 //! A slope of soil has the colour of a known obstacle in the shade, too, and reaches up to the horizon as one does. Where
 //! the ground behind a foot rises so that its pixels show that ground, there is none.
+//!
+//! Of a known obstacle that is near, something has been seen by its shape, also of a mesh whose holes show the ground behind it;
+//! of soil nothing is.
 
 use crate::gate::{SOLID, is_obstacle_of};
 use glam::DVec3;
@@ -26,6 +29,10 @@ const BEFORE_M: f64 = 0.5;
 /// it, m, up to this share of the distance at which the ray meets level ground.
 const BEHIND_M: f64 = 0.4;
 const BEFORE_LEVEL: f64 = 0.75;
+/// Of known obstacles up to this distance from the camera, m, something has been seen by its shape at this share of their
+/// feet: at three of ten and more of a fence of mesh, at none of soil.
+const SHAPED_TO_M: f64 = 7.0;
+const LEAST_SHAPED: f64 = 0.1;
 /// Nothing nearer to the camera than this, m, is looked at.
 const NEAREST_M: f64 = 0.5;
 
@@ -94,6 +101,37 @@ impl<'a> Screens<'a> {
         })
     }
 
+    /// Whether a place, m in the frame of the map, is so near that a known obstacle there has been seen by its shape.
+    pub fn is_near(camera: DVec3, foot: DVec3) -> bool {
+        (foot - camera).truncate().length() <= SHAPED_TO_M
+    }
+
+    /// Whether nothing stands at the places that are near of these feet, as far as the ground is known there. Positions in the
+    /// frame of the map, m.
+    pub fn nothing_stands(&self, camera: DVec3, feet: impl Iterator<Item = DVec3>) -> bool {
+        let near = feet.filter(|&foot| Screens::is_near(camera, foot));
+        let known: Vec<bool> = near.filter_map(|foot| self.stands(foot)).collect();
+        let standing = known.iter().filter(|stands| **stands).count();
+        (standing as f64) < LEAST_SHAPED * known.len() as f64
+    }
+
+    /// Whether an obstacle stands at a place on the ground or beside it; `None` where nothing is known by its shape.
+    fn stands(&self, foot: DVec3) -> Option<bool> {
+        let cells = (SAME_M / self.cell_size_m).ceil() as i64;
+        let offsets = (-cells..=cells).flat_map(|x| (-cells..=cells).map(move |y| (x, y)));
+        let mut is_known = false;
+        for (x, y) in offsets {
+            let beside = foot + DVec3::new(x as f64, y as f64, 0.0) * self.cell_size_m;
+            let Some((column, row)) = self.cell_of(beside) else { continue };
+            if self.solid.iter().any(|field| is_obstacle_of(field, column, row)) {
+                return Some(true);
+            }
+            let ground = self.ground.as_ref().and_then(|ground| ground.get(column, row));
+            is_known |= ground.is_some_and(f64::is_finite);
+        }
+        is_known.then_some(false)
+    }
+
     /// Whether the obstacle in the cell of a point is as high as the point.
     fn reaches(&self, point: DVec3) -> bool {
         self.cell_of(point).is_some_and(|(column, row)| {
@@ -118,6 +156,7 @@ fn tolerance_m(distance_m: f64) -> f64 {
 pub(crate) mod tests {
     use super::*;
     use glam::DVec2;
+    use rcs_geom::CellIndex;
     use rcs_msg::Stamp;
     use rcs_msg::foxglove::Grid;
     use rcs_world::{HeightStats, Map, MapOptions, Source, Sources, VoteRule, Weights};
@@ -177,30 +216,85 @@ pub(crate) mod tests {
         assert!(!is_other(1.2, 3.1), "it may be the known obstacle itself");
     }
 
+    /// A strip of ground to 10 m ahead and 2 m to each side with these heights by the distance, m, that stereo has seen.
+    fn strip(height_m: impl Fn(f32) -> f32) -> Map {
+        let mut map = Map::new(0.2).unwrap();
+        map.recentre(DVec2::ZERO).unwrap();
+        for (step, across) in (0..50).flat_map(|step| (-10..10).map(move |across| (step, across))) {
+            let x = 0.2 * f64::from(step) + 0.1;
+            let index = map.grid().cell_at(DVec2::new(x, 0.2 * f64::from(across) + 0.1)).unwrap();
+            map.vote(index, Source::STEREO, 0, 1, Stamp(1), VoteRule::default());
+            let mut heights = HeightStats::default();
+            heights.add(height_m(x as f32));
+            let cell = map.cell_mut(index).unwrap();
+            cell.observe_heights(&heights, &HeightStats::default(), 0.2, Stamp(1), VoteRule::default());
+        }
+        map
+    }
+
+    /// Level ground, with a wall of this height, m, across x = 4 m.
+    pub(crate) fn ground(wall_m: Option<f32>) -> Grid {
+        let mut map = strip(|_| 0.0);
+        for step in -10..10 {
+            let Some(height_m) = wall_m else { continue };
+            let index = map.grid().cell_at(DVec2::new(4.1, 0.2 * f64::from(step) + 0.1)).unwrap();
+            stand(&mut map, index, height_m);
+        }
+        seen_by_stereo(&mut map)
+    }
+
+    /// An obstacle of this height, m, that stereo has seen in a cell.
+    fn stand(map: &mut Map, index: CellIndex, height_m: f32) {
+        let rule = VoteRule { rise: 60, ..VoteRule::default() };
+        for time in 2..6 {
+            map.vote(index, Source::STEREO, 250, 1, Stamp(time), rule);
+        }
+        let mut heights = HeightStats::default();
+        (0..9).for_each(|_| heights.add(height_m));
+        let cell = map.cell_mut(index).unwrap();
+        cell.observe_heights(&HeightStats::default(), &heights, 0.2, Stamp(6), rule);
+    }
+
+    fn seen_by_stereo(map: &mut Map) -> Grid {
+        let sources: Sources = [Source::STEREO].into_iter().collect();
+        map.to_grid("local", Stamp(1), &MapOptions { sources, heights: true, weights: Weights::default() })
+    }
+
     #[test]
     fn a_slope_behind_a_foot_is_what_its_pixels_show() {
         // Ground that rises by this from 4 m on; a ray to 0.5 m above a foot at 4 m meets level ground at 8 m.
         let is_slope = |rise: f32| {
-            let mut map = Map::new(0.2).unwrap();
-            map.recentre(DVec2::ZERO).unwrap();
-            for step in 0..50 {
-                let x = 0.2 * f64::from(step) + 0.1;
-                let index = map.grid().cell_at(DVec2::new(x, 0.1)).unwrap();
-                map.vote(index, Source::STEREO, 0, 1, Stamp(1), VoteRule::default());
-                let mut heights = HeightStats::default();
-                heights.add(rise * (x as f32 - 4.0).max(0.0));
-                let cell = map.cell_mut(index).unwrap();
-                cell.observe_heights(&heights, &HeightStats::default(), 0.2, Stamp(1), VoteRule::default());
-            }
-            let sources: Sources = [Source::STEREO].into_iter().collect();
-            let options = MapOptions { sources, heights: true, weights: Weights::default() };
-            let grid = map.to_grid("local", Stamp(1), &options);
+            let grid = seen_by_stereo(&mut strip(|x| rise * (x - 4.0).max(0.0)));
             let view = GridView::new(&grid).unwrap();
             let foot = DVec3::new(4.1, 0.1, 0.0);
             Screens::of(&view).unwrap().shows_ground(CAMERA, foot, DVec3::Z, 1.0, 1.0)
         };
         // At 7 m, three quarters of the way, the ray is 0.14 m high.
         assert_eq!([0.0, 0.03, 0.07, 0.2].map(is_slope), [false, false, true, true]);
+    }
+
+    #[test]
+    fn of_what_is_near_something_has_been_seen_by_its_shape_or_it_does_not_stand_there() {
+        let nothing_stands = |has_post: bool, feet: &[[f64; 2]]| {
+            let mut map = strip(|_| 0.0);
+            if has_post {
+                let index = map.grid().cell_at(DVec2::new(4.3, 0.1)).unwrap();
+                stand(&mut map, index, 0.5);
+            }
+            let grid = seen_by_stereo(&mut map);
+            let view = GridView::new(&grid).unwrap();
+            let feet = feet.iter().map(|&[x, y]| DVec3::new(x, y, 0.0));
+            Screens::of(&view).unwrap().nothing_stands(CAMERA, feet)
+        };
+        let soil = [[4.1, 0.1], [4.5, 0.1], [6.1, 0.1]];
+        assert!(nothing_stands(false, &soil));
+        assert!(!nothing_stands(true, &soil), "one of three");
+        assert!(nothing_stands(true, &[[6.1, 0.1]; 3]), "it stands elsewhere");
+        let many: Vec<_> = std::iter::repeat_n([6.1, 0.1], 20).chain([[4.1, 0.1]]).collect();
+        assert!(nothing_stands(true, &many), "one of twenty");
+        assert!(!nothing_stands(false, &[[8.1, 0.1], [9.1, 0.1]]), "they are far");
+        assert!(!nothing_stands(false, &[[4.1, 5.0], [4.1, -3.0]]), "nothing is known there");
+        assert!(!nothing_stands(false, &[]));
     }
 
     #[test]
