@@ -5,7 +5,9 @@ use crate::arcs::{self, Arc, Motion, Scene, Scored};
 use crate::barred::Barred;
 use crate::follower_costs::Costs;
 use crate::modes::{Action, Bars, Mode, Modes, Obstacles, Table, Towards, Transition};
-use crate::motion::{OWN_TRACK_M, Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds};
+use crate::motion::{
+    OWN_TRACK_M, Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds, turned_away,
+};
 use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
 use crate::settings::{check_costs, rules_of};
 use crate::signals::Watch;
@@ -341,9 +343,11 @@ impl WaypointFollower {
             Some(Action::Shake) => {
                 let now = cx.now();
                 let began = self.modes.active().map_or(now, |(_, began)| began);
-                let begun = (self.modes.begun(), now.seconds_since(began));
+                let number = self.modes.begun();
+                let begun = (number, now.seconds_since(began));
                 let order = shaken(&mut self.shakes, &style, vehicle, begun, now, cx.rng());
-                (None, [careful(&scored, &style, order), order[1]])
+                let careful_mps = careful(&scored, &style, order);
+                (None, turned_away(vehicle, &style, order, careful_mps, number))
             }
         };
         let follows = obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow);

@@ -139,6 +139,24 @@ pub(crate) fn shaken(
     order
 }
 
+/// What the action SHAKE does, m/s and rad/s, for an order of [`shaken`] and the speed that [`careful`] leaves of it: where the
+/// way downhill is not free, the vehicle turns on the spot until another one is, and does not go back uphill, where its wheels
+/// spin.
+pub(crate) fn turned_away(
+    vehicle: &Pose,
+    style: &Style,
+    order: [f64; 2],
+    careful_mps: f64,
+    number: u32,
+) -> [f64; 2] {
+    if downhill(vehicle, style) == Some(order) && careful_mps * order[0] < 0.0 {
+        let side = if (number / 4).is_multiple_of(2) { 1.0 } else { -1.0 };
+        [0.0, side * style.mode_yaw_rate_radps]
+    } else {
+        [careful_mps, order[1]]
+    }
+}
+
 /// Turns the nearer end of the vehicle downhill, then drives there, m/s and rad/s; `None` on ground that is not steep.
 fn downhill(vehicle: &Pose, style: &Style) -> Option<[f64; 2]> {
     let down = vehicle.rotation.conjugate() * DVec3::NEG_Z;
@@ -294,6 +312,13 @@ mod tests {
             assert_ne!(order(tilt, 2, 3.0), expected, "it moves at random");
             assert_eq!([order(tilt, 4, 3.0), order(tilt, 5, 3.0)], [expected; 2]);
         }
+        // Its back is low, and something stands behind it: it does not go ahead instead.
+        let away = |pitch: f64, careful_mps: f64, number: u32| {
+            let vehicle = Pose::from_rpy(DVec3::ZERO, 0.0, pitch, 1.0);
+            turned_away(&vehicle, &style, [-0.6, 0.0], careful_mps, number)
+        };
+        assert_eq!([away(-0.2, 0.6, 1), away(-0.2, 0.6, 5)], [[0.0, 0.5], [0.0, -0.5]]);
+        assert_eq!([away(-0.2, -0.4, 1), away(0.0, 0.6, 1)], [[-0.4, 0.0], [0.6, 0.0]]);
         let [speed_mps, turn] = order([0.02, 0.02], 1, 3.0);
         assert!(speed_mps.abs() < 0.6 && turn.abs() < 0.5, "flat ground: at random");
     }
