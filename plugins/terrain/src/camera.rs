@@ -11,7 +11,7 @@ use rcs_msg::Stamp;
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Role};
-use rcs_sense::{ImageCheck, Rgb, SAMPLE_PX, Sample, camera_of};
+use rcs_sense::{Extrinsics, ImageCheck, Rgb, SAMPLE_PX, Sample, camera_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -205,4 +205,9 @@ impl Frame {
             data: data.into(),
         }
     }
+}
+
+/// How the poses of vehicle and cameras are found.
+pub(crate) fn extrinsics(params: &TerrainLearnerParams) -> Extrinsics<'_> {
+    Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }

@@ -1,7 +1,7 @@
 //! What the vehicle experiences, and what the operator says, as lessons for the learning maps: bumper hits, outlines,
 //! slip, and the ground under the vehicle (Albus 2006a, 3.2, step 5).
 
-use crate::learner::extrinsics;
+use crate::camera::extrinsics;
 use crate::map::{Experience, Patch, TerrainMap};
 use crate::models::ModelRules;
 use crate::proto::TerrainLearnerParams;

@@ -1,7 +1,7 @@
 //! The process `terrain_learner`: learns terrain models from labelled images.
 
 use crate::appearance::{MatchWeights, RatioBins};
-use crate::camera::{CameraPorts, Frame, LearnerCamera, learned_port};
+use crate::camera::{CameraPorts, Frame, LearnerCamera, extrinsics, learned_port};
 use crate::experience::{TeacherPorts, Teachers};
 use crate::frame::join;
 use crate::judgement::Judgement;
@@ -15,9 +15,7 @@ use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{
-    Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, fingerprint, model_to_delete,
-};
+use rcs_sense::{Axes, CELL_SIZE_M, GridFrame, Localizer, PosePorts, fingerprint, model_to_delete};
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -360,11 +358,6 @@ impl TerrainLearner {
             _ => self.ratios.insert(Arc::new(RatioBins::new(span))).clone(),
         }
     }
-}
-
-/// How the poses of vehicle and cameras are found.
-pub(crate) fn extrinsics(params: &TerrainLearnerParams) -> Extrinsics<'_> {
-    Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
 /// Model rules from the parameters.
