@@ -9,8 +9,8 @@
 //! A slope of soil has the colour of a known obstacle in the shade, too, and reaches up to the horizon as one does. Where
 //! the ground behind a foot rises so that its pixels show that ground, there is none.
 //!
-//! Of a known obstacle that is near, something has been seen by its shape, also of a mesh whose holes show the ground behind it;
-//! of soil nothing is.
+//! Near the camera, a known obstacle is seen by its shape, too, even a mesh whose holes show the ground behind it; soil is not.
+//! So the near feet do not count where almost none of them has an obstacle by shape beside it.
 
 use crate::gate::{SOLID, is_obstacle_of};
 use glam::DVec3;
@@ -29,8 +29,8 @@ const BEFORE_M: f64 = 0.5;
 /// it, m, up to this share of the distance at which the ray meets level ground.
 const BEHIND_M: f64 = 0.4;
 const BEFORE_LEVEL: f64 = 0.75;
-/// Of known obstacles up to this distance from the camera, m, something has been seen by its shape at this share of their
-/// feet: at three of ten and more of a fence of mesh, at none of soil.
+/// Up to this distance from the camera, m, at least this share of the feet of known obstacles has an obstacle by shape beside it.
+/// Measured: three of ten and more at a fence of mesh, none on soil.
 const SHAPED_TO_M: f64 = 7.0;
 const LEAST_SHAPED: f64 = 0.1;
 /// Nothing nearer to the camera than this, m, is looked at.
@@ -101,13 +101,13 @@ impl<'a> Screens<'a> {
         })
     }
 
-    /// Whether a place, m in the frame of the map, is so near that a known obstacle there has been seen by its shape.
+    /// Whether a place, m in the frame of the map, is so near that a known obstacle there is seen by its shape, too.
     pub fn is_near(camera: DVec3, foot: DVec3) -> bool {
         (foot - camera).truncate().length() <= SHAPED_TO_M
     }
 
-    /// Whether nothing stands at the places that are near of these feet, as far as the ground is known there. Positions in the
-    /// frame of the map, m.
+    /// Whether almost none of the near ones of these feet has an obstacle by shape beside it, where anything is known by shape.
+    /// Positions in the frame of the map, m.
     pub fn nothing_stands(&self, camera: DVec3, feet: impl Iterator<Item = DVec3>) -> bool {
         let near = feet.filter(|&foot| Screens::is_near(camera, foot));
         let known: Vec<bool> = near.filter_map(|foot| self.stands(foot)).collect();

@@ -106,14 +106,14 @@ pub(crate) fn reversed(
 /// wheels grip.
 const SHAKE_BACKWARD_S: f64 = 2.5;
 
-/// On ground that is steeper than this, rad, a vehicle that shakes itself free turns until it faces downhill, or uphill, by
-/// less than this, rad, and drives down.
+/// On ground that is steeper than this, rad, a vehicle that shakes itself free turns until one of its ends points downhill
+/// within this angle, rad, and drives down.
 const STEEP_RAD: f64 = 0.1;
 const DOWNHILL_RAD: f64 = 0.7;
 
-/// The action SHAKE: backward, then at random speeds and turn rates for half a second each. On a slope it goes
-/// downhill instead: it takes most of the grip of a vehicle that stands across a slope to hold it there. By the `number` of the
-/// mode, that is so in two of four, also where every second one is a different action.
+/// The action SHAKE: backward, then at random speeds and turn rates for half a second each. On a slope it is
+/// downhill instead, because a slope takes most of the grip of a vehicle that stands across it. That is so in two of four
+/// modes, by their `number`, also where every second one has a different action.
 pub(crate) fn shaken(
     shakes: &mut Option<([f64; 2], Stamp)>,
     style: &Style,
