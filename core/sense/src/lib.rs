@@ -52,6 +52,6 @@ pub use sample::{Rgb, SAMPLE_PX, Sample, SampleError};
 pub use rcs_world::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
 
 /// Slip over some metres (`rcs.WaySlip`) of ground on which wheels slip and the vehicle gets on: firm ground and growth have
-/// less than 0.2 in truth, flat mud 0.5. More slip tells nothing of the ground: the vehicle hardly moves, and the local frame
-/// moves on over ground that its wheels have not touched.
+/// less than 0.2 in truth, flat mud 0.5. More slip tells nothing of the ground: the vehicle hardly moves, and without images
+/// the local frame moves on over ground that its wheels have not touched.
 pub const SLIPPERY: std::ops::RangeInclusive<f64> = 0.35..=0.7;

@@ -75,8 +75,7 @@ impl<'a> Screens<'a> {
     pub fn towers_over(&self, camera: DVec3, foot: DVec3, height_m: f64) -> bool {
         let radius_m = tolerance_m((foot - camera).truncate().length()) + BEFORE_M;
         let cells = (radius_m / self.cell_size_m).floor() as i64;
-        let offsets = (-cells..=cells).flat_map(|x| (-cells..=cells).map(move |y| (x, y)));
-        offsets.filter(|(x, y)| x * x + y * y <= cells * cells).any(|(x, y)| {
+        square(cells).filter(|(x, y)| x * x + y * y <= cells * cells).any(|(x, y)| {
             let beside = DVec3::new(x as f64, y as f64, 0.0) * self.cell_size_m;
             self.reaches(foot + beside + DVec3::Z * HIGHER * height_m)
         })
@@ -118,9 +117,8 @@ impl<'a> Screens<'a> {
     /// Whether an obstacle stands at a place on the ground or beside it; `None` where nothing is known by its shape.
     fn stands(&self, foot: DVec3) -> Option<bool> {
         let cells = (SAME_M / self.cell_size_m).ceil() as i64;
-        let offsets = (-cells..=cells).flat_map(|x| (-cells..=cells).map(move |y| (x, y)));
         let mut is_known = false;
-        for (x, y) in offsets {
+        for (x, y) in square(cells) {
             let beside = foot + DVec3::new(x as f64, y as f64, 0.0) * self.cell_size_m;
             let Some((column, row)) = self.cell_of(beside) else { continue };
             if self.solid.iter().any(|field| is_obstacle_of(field, column, row)) {
@@ -145,6 +143,11 @@ impl<'a> Screens<'a> {
         let at = self.grid_from_frame * point / self.cell_size_m;
         (at.x >= 0.0 && at.y >= 0.0).then_some((at.x as usize, at.y as usize))
     }
+}
+
+/// The cells of a square around a cell, up to so many to each side.
+fn square(cells: i64) -> impl Iterator<Item = (i64, i64)> {
+    (-cells..=cells).flat_map(move |x| (-cells..=cells).map(move |y| (x, y)))
 }
 
 /// Up to which distance from a foot at a distance an obstacle may be the known one itself, m.

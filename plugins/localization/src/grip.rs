@@ -129,8 +129,11 @@ impl Grip {
 
     /// Slip over the last metre of the wheels, each 0.4 m of them, given the pose with all that was owed.
     pub fn slipped(&mut self, local_from_vehicle: &Pose) -> Option<Slipped> {
+        if self.unreported_m < REPORT_M {
+            return None;
+        }
         let rolled_m = rolled_m_of(&self.steps, 0..);
-        if self.unreported_m < REPORT_M || rolled_m < WINDOW_M {
+        if rolled_m < WINDOW_M {
             return None;
         }
         self.unreported_m = 0.0;
