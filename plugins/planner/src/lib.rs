@@ -125,6 +125,7 @@ mod follower_process;
 mod generator_process;
 pub mod goal;
 pub mod goal_search;
+mod ground;
 mod map_reader;
 pub mod mission;
 pub mod modes;

@@ -9,7 +9,7 @@
 //!
 //! | term | what |
 //! | --- | --- |
-//! | terrain | from the table, by the fused cost of the cell; another entry for unknown cells |
+//! | terrain | from the table, by the fused cost of the cell; another entry for unknown cells; the mean of the cells that the vehicle covers there |
 //! | clearance | grows towards obstacles, from the desired clearance to the least one, with the square of what lacks |
 //! | heading | less ahead of the vehicle, more behind it; fades with the distance from it |
 //! | memory | negative: along a way that an earlier run has driven; a share of terrain and clearance, because it was free and wide enough; fades with the distance |
@@ -22,6 +22,7 @@
 use crate::barred::Barred;
 use crate::clearance::{Clearance, MAX_BOUND};
 use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
+use crate::ground::Ground;
 use crate::place::Place;
 use crate::zones::Zones;
 use rcs_geom::{DVec2, Pose};
@@ -205,8 +206,10 @@ pub struct Terrain {
     by_far_room: Vec<Option<f32>>,
     /// Clearance term at the least room.
     least_clearance: f32,
-    /// Terrain term by fused cost; `None` where blocked.
-    by_cost: Vec<Option<f32>>,
+    /// Cost by fused cost, from the table; `None` where blocked.
+    by_cost: Vec<Option<u8>>,
+    /// What the ground costs that the vehicle covers: where its centre is on a firm path, its wheels may be in the mud.
+    ground: Ground,
     squared: Vec<u16>,
     /// Nearness of the way that an earlier run has driven: 1 on it, 0 out of its range; empty without one.
     by_route: Vec<f32>,
@@ -253,6 +256,9 @@ impl Terrain {
         for (obstacle, _) in self.is_obstacle.iter_mut().zip(&sensed.bumped).filter(|(_, bumped)| **bumped) {
             *obstacle = true;
         }
+        let reach = (rules.half_width_m / sensed.cell_size_m + 0.5) as usize;
+        let ground = sensed.fused.iter().map(|&cost| self.by_cost[usize::from(cost)]);
+        self.ground.lay(sensed.columns, ground, reach);
         self.forbid(sensed, vehicle, past, rules);
         self.bar(sensed, past, rules);
         let bound = (rules.wish_room_m / sensed.cell_size_m).ceil().clamp(1.0, MAX_BOUND as f64) as usize;
@@ -366,8 +372,9 @@ impl Terrain {
         if self.forbidden.get(at).is_some_and(|&forbidden| forbidden) {
             return None;
         }
-        let unsure = (!self.is_sure(at)).then(|| f32::from(rules.unsure));
-        let terrain = self.by_cost[usize::from(fused)].or(unsure);
+        let unsure =
+            || self.is_sure.get(at).is_some_and(|&is_sure| !is_sure).then_some(f32::from(rules.unsure));
+        let terrain = self.ground.mean(at).or_else(unsure);
         if self.barred.get(at).is_some_and(|&barred| barred) {
             return terrain.map(|_| f32::from(MAX_COST));
         }
@@ -383,11 +390,6 @@ impl Terrain {
             return;
         }
         mark(sensed, vehicle, track, rules.near_m, &mut self.was_near);
-    }
-
-    /// Whether an obstacle in a cell is certain.
-    fn is_sure(&self, at: usize) -> bool {
-        self.is_sure.get(at).is_none_or(|&is_sure| is_sure)
     }
 
     /// The memory term and the previous path's term of a cell with these terms of terrain and clearance. What was driven
@@ -440,7 +442,7 @@ impl Terrain {
                 });
             }
         };
-        let clear = self.by_cost[0].unwrap_or(terrain);
+        let clear = self.by_cost[0].map_or(terrain, f32::from);
         let relief = if relieved && fused == UNKNOWN_COST { (clear - terrain).min(0.0) } else { 0.0 };
         let [memory, previous] = self.remembered(index, terrain + relief, clearance, rules);
         Ok(Terms {
@@ -523,12 +525,10 @@ fn nearness(sensed: &Sensed, points: &[DVec2], share: f64, range_m: f64, near: &
     }
 }
 
-fn looked_up(fused: u8, rules: &Rules) -> Option<f32> {
-    if fused > MAX_COST {
-        return (rules.unknown != BLOCKED).then_some(f32::from(rules.unknown));
-    }
+fn looked_up(fused: u8, rules: &Rules) -> Option<u8> {
     let row = rules.table.iter().find(|&&(up_to, _)| fused <= up_to);
-    row.filter(|&&(_, cost)| cost != BLOCKED).map(|&(_, cost)| f32::from(cost))
+    let cost = if fused > MAX_COST { Some(rules.unknown) } else { row.map(|&(_, cost)| cost) };
+    cost.filter(|&cost| cost != BLOCKED)
 }
 
 /// The heading term of a cell with this terrain term.

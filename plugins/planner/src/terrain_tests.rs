@@ -84,6 +84,18 @@ fn near_an_obstacle_the_vehicle_does_not_fit_and_then_pays_for_clearance() {
 }
 
 #[test]
+fn on_the_edge_of_a_path_a_vehicle_pays_for_the_dear_ground_under_its_side() {
+    let mut sensed = sensed(100);
+    for row in 16..=24 {
+        sensed.fused[row * 41..(row + 1) * 41].fill(0);
+    }
+    let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
+    let (_, costs) = costs(&sensed, &away, &rules());
+    let across: Vec<u8> = (20..=26).map(|row| costs.get(Place::new(20, row)).unwrap()).collect();
+    assert_eq!(across, [10, 10, 10, 20, 30, 40, 50], "a fifth of a vehicle 0.7 m wide for each cell");
+}
+
+#[test]
 fn what_lies_ahead_of_the_vehicle_is_cheaper_than_what_lies_behind() {
     let sensed = sensed(100);
     let vehicle = Pose::from_xy_yaw(0.0, 0.0, std::f64::consts::FRAC_PI_2);
