@@ -464,15 +464,18 @@ impl TerrainMap {
     }
 
     /// The number of the model by which a cell is judged: the one that it belongs to or resembles from near, or if only that
-    /// from afar has experience, that one; if neither has, the one of slippery ground that they are like.
+    /// from afar has experience, that one; if both have hardly any, the one of slippery ground that they are like.
     fn number_of(&self, cell: &Cell, like: &[Option<u32>]) -> Option<u32> {
-        let is_experienced = |number: &u32| {
-            self.models.models.get(*number as usize).is_some_and(|model| model.terrain.experience() > 0)
+        let with = |least: fn(&Terrain) -> bool| {
+            let has_it = |number: &u32| {
+                self.models.models.get(*number as usize).is_some_and(|model| least(&model.terrain))
+            };
+            cell.model.filter(has_it).or(cell.far.filter(has_it))
         };
-        let experienced = |number: Option<u32>| number.filter(is_experienced);
         let like = |number: Option<u32>| number.and_then(|number| *like.get(number as usize)?);
-        let of_its_own = experienced(cell.model).or(experienced(cell.far));
-        of_its_own.or_else(|| like(cell.model)).or_else(|| like(cell.far)).or(cell.model)
+        let of_its_own = with(Terrain::is_experienced);
+        let slippery = || like(cell.model).or_else(|| like(cell.far));
+        of_its_own.or_else(slippery).or_else(|| with(|terrain| terrain.experience() > 0)).or(cell.model)
     }
 
     /// Up to this height, mm, driving tells of what looks like what was driven over: as high as any of that was.

@@ -88,6 +88,12 @@ impl Terrain {
         self.driven.saturating_add(self.bumped)
     }
 
+    /// Whether its experience outweighs what was seen of it: a few cells at the edge of mud, over which wheels came without
+    /// slipping, say little about ground that looks like it.
+    pub fn is_experienced(&self) -> bool {
+        self.experience() >= SEEN_CELLS
+    }
+
     /// Forgets its points; its experience and heights stay.
     pub fn forget_points(&mut self) {
         (self.histograms, self.ground, self.obstacle) = (Histograms::default(), 0, 0);
@@ -347,16 +353,20 @@ impl ModelSet {
         (distance <= rules.merge_distance + 1.0 / cell.points() as f32).then_some(best)
     }
 
-    /// For each model of ground that has no experience, the number of the one that it is most like of those that were driven
-    /// over, if it is like it and wheels have slipped there: ground far ahead is mostly of models over which nothing has driven.
+    /// For each model of ground that has hardly any experience, the number of the one that it is most like of those that were
+    /// driven over, if it is like it and wheels have slipped there: ground far ahead is mostly of models over which nothing
+    /// has driven.
     pub fn like_slippery(&self, rules: &ModelRules) -> Vec<Option<u32>> {
         let signatures = self.signatures(&rules.weights);
-        let is_driven = |number: &usize| self.models[*number].terrain.driven > 0;
+        let is_driven = |number: &usize| {
+            let terrain = &self.models[*number].terrain;
+            terrain.is_experienced() && terrain.driven > 0
+        };
         let driven: Vec<usize> = (0..self.models.len()).filter(is_driven).collect();
         let driven_signatures: Vec<Signature> = driven.iter().map(|&number| signatures[number]).collect();
         let like = |(model, signature): (&Model, &Signature)| {
             let is_unknown_ground =
-                model.terrain.experience() == 0 && 2 * model.terrain.obstacle < model.terrain.points();
+                !model.terrain.is_experienced() && 2 * model.terrain.obstacle < model.terrain.points();
             let (nearest, distance) = signature.best(&driven_signatures).filter(|_| is_unknown_ground)?;
             let number = driven[nearest];
             let is_slippery = self.models[number].terrain.bumped > 0;

@@ -68,7 +68,7 @@ fn ground_over_which_nothing_has_driven_is_slippery_where_it_is_most_like_ground
         Model::new(Terrain { driven, bumped, ..terrain }, 1)
     };
     let models = vec![
-        mixed(100, true, 10, 0),
+        mixed(100, true, SEEN_CELLS, 0),
         mixed(0, true, 36, 24),
         // Like the second one; an obstacle there; between both; like the first one.
         mixed(30, true, 0, 0),
@@ -78,7 +78,10 @@ fn ground_over_which_nothing_has_driven_is_slippery_where_it_is_most_like_ground
     ];
     let mut set = ModelSet { models, named: 0 };
     assert_eq!(set.like_slippery(&RULES), [None, None, Some(1), None, None, None]);
-    set.models.push(mixed(25, true, 5, 0));
+    set.models.push(mixed(25, true, SEEN_CELLS - 1, 0));
+    let slippery = [None, None, Some(1), None, None, None, Some(1)];
+    assert_eq!(set.like_slippery(&RULES), slippery, "a few cells that were driven over say little");
+    set.models[6].terrain.driven = SEEN_CELLS;
     assert_eq!(set.like_slippery(&RULES), [None; 7], "it is more like firm ground now");
     assert_eq!(ModelSet::default().like_slippery(&RULES), []);
 }
