@@ -27,7 +27,8 @@ use rcs_msg::{AnyMessage, Payload, Stamp, to_json};
 use rcs_runtime::{RunOptions, Stepped};
 use rcs_scene::Class;
 use rcs_terrain::appearance::MatchWeights;
-use rcs_terrain::models::{ModelRules, ModelSet, matching_of};
+use rcs_terrain::model_file::matching_of;
+use rcs_terrain::models::{ModelRules, ModelSet};
 use rcs_terrain::proto::{TerrainCamera, TerrainModels};
 use std::path::{Path, PathBuf};
 

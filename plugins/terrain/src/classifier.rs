@@ -28,7 +28,8 @@
 
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::classify::{Class, Matcher, WindowGrid, classify_row, end_of_stereo, overlay};
-use crate::models::{ModelSet, ModelsError, matching_of, models_of_text};
+use crate::model_file::{ModelsError, matching_of, models_of_text};
+use crate::models::ModelSet;
 use crate::place::{Placed, Scale, View, Windows, place, region};
 use crate::proto::{ClassifierParams, ClassifierRegion, ClassifierStats, TerrainModels};
 use crate::sync::Recent;

@@ -95,6 +95,7 @@ pub mod frame;
 pub mod judgement;
 mod learner;
 pub mod map;
+pub mod model_file;
 pub mod models;
 pub mod place;
 pub mod surroundings;
