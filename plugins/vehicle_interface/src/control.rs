@@ -5,6 +5,9 @@
 //! band and limits, and is ramped, too. A differential drive with track `b` turns at rate `w` with wheel speeds `v ∓
 //! w·b/2`; where a wheel would exceed its limit, the vehicle drives more slowly and keeps its turn rate. An Ackermann
 //! vehicle gets the curvature `w/v`.
+//!
+//! Wheels that slip on one side turn the vehicle less than their speeds say, or the other way: with one side in mud, it is
+//! drawn into it. What the turn lacks ([`Slip`]) is added to the turn rate of a differential drive.
 
 use rcs_geom::wrap_angle;
 use serde::{Deserialize, Serialize};
@@ -30,6 +33,8 @@ pub struct Drive {
     pub max_yaw_rate_radps: f64,
     /// Maximum change of the turn rate, rad/s².
     pub max_yaw_acceleration_radps2: f64,
+    /// Maximum turn rate that is added because the wheels slip, rad/s.
+    pub max_turn_correction_radps: f64,
     /// Turn rate per radian of heading error, 1/s.
     pub heading_gain_per_s: f64,
     /// Heading errors below this are not corrected, rad.
@@ -89,6 +94,23 @@ pub struct Wheels {
     pub curvature_per_m: f64,
 }
 
+/// Turn rate that slip has taken from a differential drive, averaged over [`SLIP_S`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Slip {
+    lacking_radps: f64,
+}
+
+/// Time constant of the average, s: longer than a wheel needs to reach its speed.
+const SLIP_S: f64 = 0.3;
+
+impl Slip {
+    /// Takes the speeds of the left and right wheel, m/s, and the turn rate of the vehicle, rad/s, of a cycle of `dt_s`.
+    pub fn take(&mut self, wheels_mps: [f64; 2], yaw_rate_radps: f64, track_m: f64, dt_s: f64) {
+        let lacking_radps = (wheels_mps[1] - wheels_mps[0]) / track_m - yaw_rate_radps;
+        self.lacking_radps += (lacking_radps - self.lacking_radps) * (dt_s / SLIP_S).min(1.0);
+    }
+}
+
 /// The last commanded speeds, from which the ramps continue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ramps {
@@ -102,7 +124,7 @@ const CURVATURE_SPEED_MPS: f64 = 0.3;
 
 impl Ramps {
     /// Computes one cycle of `dt_s`.
-    pub fn step(&mut self, aim: Aim, drive: &Drive, dt_s: f64) -> Wheels {
+    pub fn step(&mut self, aim: Aim, drive: &Drive, slip: &Slip, dt_s: f64) -> Wheels {
         let (speed_mps, yaw_rate_radps, deceleration) = match aim {
             Aim::Halt => {
                 *self = Ramps { curvature_per_m: self.curvature_per_m, ..Ramps::default() };
@@ -124,13 +146,20 @@ impl Ramps {
         let turn = yaw_rate_radps.clamp(-limit, limit) - self.yaw_rate_radps;
         self.yaw_rate_radps += turn.clamp(-change, change);
         match drive.track_m {
-            Some(track_m) => self.differential(track_m, drive.max_wheel_speed_mps),
+            Some(track_m) => {
+                let most = drive.max_turn_correction_radps;
+                // A vehicle that is told to stand does so, also where its wheels have turned in vain.
+                let stands = aim == Aim::Stop || (self.speed_mps, self.yaw_rate_radps) == (0.0, 0.0);
+                let lacking_radps = if stands { 0.0 } else { slip.lacking_radps.clamp(-most, most) };
+                self.differential(lacking_radps, track_m, drive.max_wheel_speed_mps)
+            }
             None => self.steered(aim, yaw_rate_radps, drive),
         }
     }
 
-    fn differential(&self, track_m: f64, limit_mps: f64) -> Wheels {
-        let half = (self.yaw_rate_radps * track_m / 2.0).clamp(-limit_mps, limit_mps);
+    fn differential(&self, lacking_radps: f64, track_m: f64, limit_mps: f64) -> Wheels {
+        let turn_radps = self.yaw_rate_radps + lacking_radps;
+        let half = (turn_radps * track_m / 2.0).clamp(-limit_mps, limit_mps);
         let room = limit_mps - half.abs();
         let speed = self.speed_mps.clamp(-room, room);
         Wheels { left_mps: speed - half, right_mps: speed + half, curvature_per_m: 0.0 }
@@ -188,6 +217,7 @@ mod tests {
         stop_deceleration_mps2: 4.0,
         max_yaw_rate_radps: 1.2,
         max_yaw_acceleration_radps2: 6.0,
+        max_turn_correction_radps: 1.0,
         heading_gain_per_s: 2.0,
         heading_dead_band_rad: 0.01,
         turn_in_place_rad: 1.2,
@@ -196,7 +226,7 @@ mod tests {
     const DT_S: f64 = 0.02;
 
     fn run(ramps: &mut Ramps, aim: Aim, drive: &Drive, cycles: usize) -> Wheels {
-        (0..cycles).map(|_| ramps.step(aim, drive, DT_S)).last().unwrap_or_default()
+        (0..cycles).map(|_| ramps.step(aim, drive, &Slip::default(), DT_S)).last().unwrap_or_default()
     }
 
     #[test]
@@ -215,15 +245,15 @@ mod tests {
     fn from_forward_to_backward_it_stops_on_the_way() {
         let mut ramps = Ramps { speed_mps: 0.03, ..Ramps::default() };
         let back = Aim::Rate { speed_mps: -1.0, yaw_rate_radps: 0.0 };
-        assert_eq!(ramps.step(back, &DIFFERENTIAL, DT_S).left_mps, 0.0);
-        assert!((ramps.step(back, &DIFFERENTIAL, DT_S).left_mps + 0.02).abs() < 1e-12);
+        assert_eq!(ramps.step(back, &DIFFERENTIAL, &Slip::default(), DT_S).left_mps, 0.0);
+        assert!((ramps.step(back, &DIFFERENTIAL, &Slip::default(), DT_S).left_mps + 0.02).abs() < 1e-12);
     }
 
     #[test]
     fn a_halt_stands_at_once() {
         let mut ramps = Ramps::default();
         run(&mut ramps, Aim::Rate { speed_mps: 1.3, yaw_rate_radps: 1.0 }, &DIFFERENTIAL, 100);
-        assert_eq!(ramps.step(Aim::Halt, &DIFFERENTIAL, DT_S), Wheels::default());
+        assert_eq!(ramps.step(Aim::Halt, &DIFFERENTIAL, &Slip::default(), DT_S), Wheels::default());
     }
 
     #[test]
@@ -254,6 +284,32 @@ mod tests {
     }
 
     #[test]
+    fn what_slip_takes_from_a_turn_is_added_to_it_up_to_the_limit_and_not_where_it_stands() {
+        let mut slip = Slip::default();
+        // The left wheel spins in mud: they should turn to the right, and the vehicle goes straight.
+        (0..200).for_each(|_| slip.take([1.3, 1.0], 0.0, 0.6, DT_S));
+        let straight = Aim::Rate { speed_mps: 1.0, yaw_rate_radps: 0.0 };
+        let after = |slip: &Slip, aim: Aim| {
+            let mut ramps = Ramps::default();
+            (0..200).map(|_| ramps.step(aim, &DIFFERENTIAL, slip, DT_S)).last().unwrap_or_default()
+        };
+        let wheels = after(&slip, straight);
+        assert!(
+            (wheels.left_mps - 1.15).abs() < 1e-6 && (wheels.right_mps - 0.85).abs() < 1e-6,
+            "{wheels:?}"
+        );
+        for stands in [Aim::Stop, Aim::Rate { speed_mps: 0.0, yaw_rate_radps: 0.0 }] {
+            assert_eq!(after(&slip, stands), Wheels::default());
+        }
+        (0..200).for_each(|_| slip.take([1.5, 0.5], 0.0, 0.6, DT_S));
+        let wheels = after(&slip, straight);
+        assert!((wheels.left_mps - wheels.right_mps - 0.6).abs() < 1e-9, "at most 1 rad/s: {wheels:?}");
+        let mut once = Slip::default();
+        once.take([0.3, 0.6], 0.0, 0.6, DT_S);
+        assert!((once.lacking_radps - 0.5 * DT_S / SLIP_S).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_vehicle_that_steers_gets_a_curvature_within_its_limit() {
         let mut ramps = Ramps::default();
         let curve = Aim::Rate { speed_mps: 1.0, yaw_rate_radps: 0.1 };
@@ -281,7 +337,7 @@ mod tests {
                     1 | 2 => Aim::Rate { speed_mps, yaw_rate_radps: turn },
                     _ => Aim::Stop,
                 };
-                let wheels = ramps.step(aim, &DIFFERENTIAL, DT_S);
+                let wheels = ramps.step(aim, &DIFFERENTIAL, &Slip::default(), DT_S);
                 let middle_mps = 0.5 * (wheels.left_mps + wheels.right_mps);
                 prop_assert!(wheels.left_mps.abs() <= 1.5 + 1e-12 && wheels.right_mps.abs() <= 1.5 + 1e-12);
                 prop_assert!(middle_mps.abs() <= 1.3 + 1e-12);

@@ -15,7 +15,7 @@
 //! | `vehicle` | out | `rcs.VehicleStatus` | state of the vehicle |
 //!
 //! Period 20 ms; both outputs every cycle. Cost: microseconds. State: the last command of each input, the emergency
-//! stop, the ramps, and the last sensor readings.
+//! stop, the ramps, what turns lacked, and the last sensor readings.
 //!
 //! It limits and converts motion commands, and stops the vehicle when in doubt. It does not plan a path or avoid
 //! obstacles; the bumper is the only obstacle sensor that it reads. It is not a certified safety device.
@@ -38,7 +38,8 @@
 //! `HALT` and `INIT` brake the vehicle and are `DONE` when it stands; earlier requests are not resumed after `RUN`.
 //! `LIMIT_SPEED` (`rcs.SpeedLimit`) limits every driver until `RUN`. An emergency stop remains active across `INIT`.
 //!
-//! Not in the papers: a pressed bumper blocks forward motion (backward motion and turning remain possible).
+//! Not in the papers: a pressed bumper blocks forward motion (backward motion and turning remain possible). Where wheels
+//! slip on one side, what the turn lacks is added to it ([`control::Slip`]), while encoders and inertial sensor both send.
 //!
 //! # Where to begin
 //!

@@ -1,7 +1,7 @@
 //! The process `vehicle_interface`: reads commands and sensors, and sends wheel speeds. Its port table is in the
 //! crate's documentation.
 
-use crate::control::{Aim, Drive, Ramps, Wheels};
+use crate::control::{Aim, Drive, Ramps, Slip, Wheels};
 use crate::gate::{DriveRequest, Gate, LastRequest, Limits, Turn};
 use crate::proto::{SteeringKind, VehicleInterfaceParams};
 use rcs_geom::wrap_angle;
@@ -17,6 +17,8 @@ use serde::{Deserialize, Serialize};
 
 /// A vehicle slower than this stands, m/s.
 const STANDS_MPS: f64 = 0.05;
+/// Speeds of wheels and turn rates older than this do not correct a turn, s.
+const SENSED_S: f64 = 0.2;
 
 rcs_runtime::commands! {
     /// Commands of [`VehicleInterface`].
@@ -33,6 +35,7 @@ pub struct VehicleInterface {
     /// Reason and time of the active emergency stop.
     emergency: Option<(String, Stamp)>,
     ramps: Ramps,
+    slip: Slip,
     last_cycle: Option<Stamp>,
     /// Yaw of the local estimate, and its time.
     yaw: Option<(f64, Stamp)>,
@@ -44,8 +47,10 @@ pub struct VehicleInterface {
 /// The last readings of the vehicle's sensors.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Sensed {
-    speed_mps: f64,
-    yaw_rate_radps: f64,
+    /// Speeds of the left and the right wheel, m/s, and when they came.
+    wheels_mps: Option<([f64; 2], Stamp)>,
+    /// Turn rate of the vehicle by the inertial sensor, rad/s, and when it came.
+    yaw_rate_radps: Option<(f64, Stamp)>,
     roll_rad: f64,
     pitch_rad: f64,
     /// Whether roll and pitch come from the localization, which separates acceleration from gravity, rather than from
@@ -79,6 +84,21 @@ struct Decision {
     wanted_speed_mps: f64,
     /// Why the vehicle is being stopped; empty where it is not.
     stop_reason: String,
+}
+
+impl Sensed {
+    /// Speed of the vehicle by its wheels, m/s.
+    fn speed_mps(&self) -> f64 {
+        self.wheels_mps.map_or(0.0, |([left_mps, right_mps], _)| f64::midpoint(left_mps, right_mps))
+    }
+
+    /// Speeds of the wheels, m/s, and turn rate of the vehicle, rad/s; `None` where one of them is old.
+    fn turn(&self, now: Stamp) -> Option<([f64; 2], f64)> {
+        let (wheels_mps, wheels_at) = self.wheels_mps?;
+        let (yaw_rate_radps, turned_at) = self.yaw_rate_radps?;
+        let is_new = |at: Stamp| now.seconds_since(at) <= SENSED_S;
+        (is_new(wheels_at) && is_new(turned_at)).then_some((wheels_mps, yaw_rate_radps))
+    }
 }
 
 impl Decision {
@@ -178,7 +198,7 @@ impl VehicleInterface {
         self.drive.forget();
         self.teleop.forget();
         let stands = wheels.left_mps == 0.0 && wheels.right_mps == 0.0;
-        if stands && self.sensed.speed_mps.abs() < STANDS_MPS {
+        if stands && self.sensed.speed_mps().abs() < STANDS_MPS {
             cx.done(reason);
         } else {
             cx.exec(format!("{reason}, brakes"));
@@ -219,7 +239,14 @@ impl VehicleInterface {
         let decision = decide(self, cx);
         let dt_s = self.last_cycle.map_or(0.0, |last| cx.now().seconds_since(last).clamp(0.0, 0.1));
         self.last_cycle = Some(cx.now());
-        let wheels = self.ramps.step(decision.aim, &drive(params), dt_s);
+        let drive = drive(params);
+        match drive.track_m.zip(self.sensed.turn(cx.now())) {
+            Some((track_m, (wheels_mps, rate_radps))) => {
+                self.slip.take(wheels_mps, rate_radps, track_m, dt_s);
+            }
+            None => self.slip = Slip::default(),
+        }
+        let wheels = self.ramps.step(decision.aim, &drive, &self.slip, dt_s);
         self.send(ports, &decision, wheels, &limits, cx);
         wheels
     }
@@ -227,9 +254,8 @@ impl VehicleInterface {
     /// Reads the sensors. Values that are not finite are faults, and the previous values are kept.
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         if let Some(encoders) = cx.read_newest(&ports.encoders) {
-            let speed = f64::midpoint(encoders.left_mps, encoders.right_mps);
-            if speed.is_finite() {
-                self.sensed.speed_mps = speed;
+            if encoders.left_mps.is_finite() && encoders.right_mps.is_finite() {
+                self.sensed.wheels_mps = Some(([encoders.left_mps, encoders.right_mps], cx.now()));
             } else {
                 cx.fault(format!(
                     "encoders: speeds are {} and {} m/s, expected finite numbers; skipped",
@@ -268,7 +294,7 @@ impl VehicleInterface {
     fn take_imu(&mut self, imu: &Imu, cx: &mut Cycle<'_>) {
         if let Some(rate) = imu.angular_velocity.as_ref().map(|rates| rates.z) {
             if rate.is_finite() {
-                self.sensed.yaw_rate_radps = rate;
+                self.sensed.yaw_rate_radps = Some((rate, cx.now()));
             } else {
                 cx.fault(format!("imu: turn rate is {rate} rad/s, expected a finite number; skipped"));
             }
@@ -354,8 +380,8 @@ impl VehicleInterface {
         let sensed = &self.sensed;
         let status = VehicleStatus {
             timestamp: Some(now.to_proto()),
-            speed_mps: sensed.speed_mps,
-            yaw_rate_radps: sensed.yaw_rate_radps,
+            speed_mps: sensed.speed_mps(),
+            yaw_rate_radps: sensed.yaw_rate_radps.map_or(0.0, |(rate_radps, _)| rate_radps),
             roll_rad: sensed.roll_rad,
             pitch_rad: sensed.pitch_rad,
             wanted_speed_mps: decision.wanted_speed_mps,
@@ -402,6 +428,7 @@ fn drive(params: &VehicleInterfaceParams) -> Drive {
         stop_deceleration_mps2: params.stop_deceleration_mps2,
         max_yaw_rate_radps: params.max_yaw_rate_radps,
         max_yaw_acceleration_radps2: params.max_yaw_acceleration_radps2,
+        max_turn_correction_radps: params.max_turn_correction_radps,
         heading_gain_per_s: params.heading_gain_per_s,
         heading_dead_band_rad: params.heading_dead_band_rad,
         turn_in_place_rad: params.turn_in_place_rad,

@@ -19,6 +19,9 @@ name = "vehicle_interface"
 plugin = "vehicle_interface"
 supervisor = "viewer"
 
+[process.params]
+max_turn_correction_radps = 1.0
+
 [process.inputs]
 drive = "/operator/drive"
 teleop = "/operator/teleop"
@@ -292,6 +295,26 @@ fn the_vehicles_status_is_what_its_sensors_say() {
     bench.run(1);
     assert_eq!(bench.faults("vehicle_interface").0, 2);
     assert_eq!(bench.vehicle().speed_mps, 0.5, "what was known stays");
+}
+
+#[test]
+fn with_one_side_in_mud_it_goes_straight_while_both_sensors_tell_it() {
+    let mut bench = Bench::start();
+    let mut slip_for = |cycles: u64, encoders: bool| {
+        for _ in 0..cycles {
+            if encoders {
+                let wheels = rcs::WheelEncoders { left_mps: 0.9, right_mps: 0.6, ..Default::default() };
+                bench.write("/operator/encoders", wheels);
+            }
+            let straight = Some(Vector3 { x: 0.0, y: 0.0, z: 0.0 });
+            bench.write("/operator/imu", rcs::Imu { angular_velocity: straight, ..Default::default() });
+            bench.drive_for(0.8, 1);
+        }
+        bench.wheels()
+    };
+    let [left_mps, right_mps] = slip_for(150, true);
+    assert!((left_mps - right_mps - 0.3).abs() < 1e-3, "{left_mps} {right_mps}");
+    assert_eq!(slip_for(15, false), [0.8; 2], "what the wheels did is not known any more");
 }
 
 #[test]
