@@ -10,7 +10,7 @@ pub(crate) struct Ground {
     means: Vec<Option<f32>>,
 }
 
-/// A cell in a sum of costs, which is below: enough for squares of 64 cells on a side.
+/// Counts a cell in the upper bits of a sum, above its costs: enough for squares of 63 cells on a side.
 const ONE: u32 = 1 << 20;
 
 /// Greatest reach, cells.

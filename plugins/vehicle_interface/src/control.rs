@@ -94,7 +94,7 @@ pub struct Wheels {
     pub curvature_per_m: f64,
 }
 
-/// Turn rate that slip has taken from a differential drive, averaged over [`SLIP_S`].
+/// Turn rate that slip has taken from a differential drive, averaged over the last 0.3 s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Slip {
     lacking_radps: f64,
