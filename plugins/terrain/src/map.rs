@@ -111,11 +111,11 @@ fn judgement(cell: &Cell, model: Option<&Model>, is_low: bool, rules: &ModelRule
         Some(model) => model.obstacle_fraction()?,
         None => cell.terrain.obstacle_fraction(1)?,
     };
-    let is_experienced = cell.terrain.experience() > 0;
+    let has_experience = cell.terrain.experience() > 0;
     let backing =
-        if is_experienced { 1.0 } else { model.map_or(0.0, |model| model.backing(&cell.terrain, is_low)) };
+        if has_experience { 1.0 } else { model.map_or(0.0, |model| model.backing(&cell.terrain, is_low)) };
     let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;
-    let part = if is_experienced { 1.0 } else { seen.min(1.0) };
+    let part = if has_experience { 1.0 } else { seen.min(1.0) };
     Some(Judgement {
         cost: (f64::from(MAX_COST) * fraction).round() as u8,
         confidence: (f64::from(SURE) * part).ceil() as u8,
