@@ -21,7 +21,7 @@
 //! The papers give neither the list nor the weights; here they are parameters.
 
 use crate::costs::{BLOCKED, CostGrid, MAX_COST};
-use crate::terrain::Sensed;
+use crate::sensed::Sensed;
 use rcs_geom::{DVec2, Pose, wrap_angle};
 use rcs_world::OBSTACLE_COST;
 use std::f64::consts::TAU;

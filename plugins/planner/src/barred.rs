@@ -13,6 +13,8 @@ pub struct Barred {
     pub at: (f64, f64),
     /// Radius.
     pub radius_m: f64,
+    /// Whether the wheels slipped there.
+    pub slipped: bool,
 }
 
 /// Distance from the origin of the vehicle to the border of a place that is barred ahead of it, m: so the vehicle stands
@@ -24,11 +26,11 @@ const SAME_PLACE_M: f64 = 2.5;
 const LONGEST_M: f64 = 40.0;
 
 impl Barred {
-    /// The place ahead of a vehicle.
+    /// The place ahead of a vehicle on which its wheels slip.
     pub fn ahead(vehicle: &Pose, radius_m: f64) -> Barred {
         let ahead = vehicle.rotate(rcs_geom::DVec3::X).truncate().normalize_or_zero();
         let at = vehicle.translation.truncate() + ahead * (BEFORE_M + radius_m);
-        Barred { at: (at.x, at.y), radius_m }
+        Barred { at: (at.x, at.y), radius_m, slipped: true }
     }
 }
 
@@ -49,7 +51,7 @@ pub fn grown(place: Barred, vehicle: DVec2, before: &[Barred]) -> Barred {
     let radius_m = largest_m.min(LARGEST_M).max(place.radius_m);
     let away = (at - vehicle).normalize_or_zero();
     let at = at + away * (radius_m - place.radius_m);
-    Barred { at: (at.x, at.y), radius_m }
+    Barred { at: (at.x, at.y), radius_m, ..place }
 }
 
 /// Whether the last point of a track is where the track was before, although the wheels have turned since: the index of
@@ -91,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_place_beside_an_earlier_one_is_larger_and_the_vehicle_stays_outside_of_it() {
-        let place = |x: f64, y: f64, radius_m: f64| Barred { at: (x, y), radius_m };
+        let place = |x: f64, y: f64, radius_m: f64| Barred { at: (x, y), radius_m, slipped: true };
         let vehicle = DVec2::ZERO;
         let first = place(2.5, 0.0, 2.0);
         assert_eq!(grown(first, vehicle, &[]), first);

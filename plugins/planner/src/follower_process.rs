@@ -267,9 +267,8 @@ impl WaypointFollower {
             let timestamp = Some(now.to_proto());
             let began = self.modes.active().and_then(|(at, _)| table.modes.get(at));
             let barred = began.and_then(|mode| self.barred(params, vehicle, mode));
-            let slipped = barred.is_some() && began.is_some_and(Mode::is_of_slip);
             let begun = self.modes.begun();
-            let event = ModeEvent { timestamp, from, to, reason, begun, barred, slipped };
+            let event = ModeEvent { timestamp, from, to, reason, begun, barred };
             cx.write(&ports.modes, now, event);
         }
         let (at, _) = self.modes.active()?;
@@ -293,7 +292,12 @@ impl WaypointFollower {
             Bars::Ahead => DVec2::from(Barred::ahead(vehicle, mode.bars_m).at),
         };
         let goal_m = self.goal.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
-        (goal_m > mode.bars_m + 1.0).then_some(BarredPlace { x_m: at.x, y_m: at.y, radius_m: mode.bars_m })
+        (goal_m > mode.bars_m + 1.0).then_some(BarredPlace {
+            x_m: at.x,
+            y_m: at.y,
+            radius_m: mode.bars_m,
+            slipped: mode.is_of_slip(),
+        })
     }
 
     /// Drives as the mode says.

@@ -87,9 +87,7 @@ pub struct WaypointGenerator {
     refused_route: Option<String>,
     /// Places that the vehicle could not get over, global frame, m.
     barred: Vec<Barred>,
-    /// Those of them where the wheels slipped.
-    slips: Vec<Barred>,
-    /// When those were sent last.
+    /// When those of them where the wheels slipped were sent last.
     slips_sent: Option<Stamp>,
     /// Where the wheels slipped over some metres, global frame, m.
     slippery: Vec<(f64, f64)>,
@@ -231,7 +229,7 @@ impl Process for WaypointGenerator {
         self.cut_way(ports, params, cx);
         self.take_far_path(ports, params, cx);
         while let Some(event) = cx.read(&ports.modes) {
-            self.take_barred(event.barred.as_ref(), event.slipped);
+            self.take_barred(event.barred.as_ref());
         }
         self.look_for_a_way(ports, params, cx);
         self.look_for_a_detour(ports, params, cx);

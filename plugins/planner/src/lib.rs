@@ -136,6 +136,7 @@ mod process;
 mod queue;
 pub mod route;
 pub mod search;
+pub mod sensed;
 mod settings;
 pub mod shortcut;
 mod signals;

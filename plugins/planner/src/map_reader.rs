@@ -1,6 +1,6 @@
 //! Reads the fused costs of a map message.
 
-use crate::terrain::Sensed;
+use crate::sensed::Sensed;
 use rcs_msg::foxglove::Grid;
 use rcs_runtime::Msg;
 use rcs_world::{GridView, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source};

@@ -2,7 +2,8 @@
 
 use crate::costs::{BLOCKED, CostGrid, CostGridError};
 use crate::search::{NoPath, Path, Place, Search};
-use crate::terrain::{Past, Rules, Sensed, Terms, Terrain};
+use crate::sensed::Sensed;
+use crate::terrain::{Past, Rules, Terms, Terrain};
 use rcs_geom::{DVec2, Pose};
 
 /// What is planned.
@@ -210,6 +211,7 @@ mod tests {
             narrow: 0.0,
             sure_m: f64::INFINITY,
             unsure: 250,
+            slipped: 4.0,
             half_width_m: 0.35,
             least_room_m: 0.4,
             far_room_m: 0.4,

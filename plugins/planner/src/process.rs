@@ -127,8 +127,11 @@ impl Process for AStarPlanner {
             let PlannerCommand::PlanTo(goal) = command;
             self.goal = Some((goal.x_m, goal.y_m));
             self.route = goal.route.iter().map(|point| (point.x_m, point.y_m)).collect();
-            let barred =
-                |place: &BarredPlace| Barred { at: (place.x_m, place.y_m), radius_m: place.radius_m };
+            let barred = |place: &BarredPlace| Barred {
+                at: (place.x_m, place.y_m),
+                radius_m: place.radius_m,
+                slipped: place.slipped,
+            };
             self.barred = goal.barred.iter().map(barred).collect();
             match zones(&goal) {
                 Ok(zones) => self.zones = zones,
@@ -412,6 +415,7 @@ fn rules(params: &PlannerParams) -> Rules {
         heading_range_m: params.heading_range_m,
         relief_range_m: params.relief_range_m,
         relief_cost: params.relief_cost as u8,
+        slipped: params.slipped_factor,
         route: params.route_preference,
         route_range_m: params.route_range_m,
         previous: params.previous_preference,

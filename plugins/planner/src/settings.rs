@@ -33,6 +33,7 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
         narrow: 0.0,
         sure_m: f64::INFINITY,
         unsure: crate::costs::MAX_COST,
+        slipped: 1.0,
         wish_room_m: half_m + costs.wish_clearance_m.max(costs.clearance_m),
         clearance: costs.clearance_cost,
         heading: 0.0,

@@ -11,7 +11,7 @@ use crate::costs::{BLOCKED, CostGrid};
 use crate::place::Place;
 use crate::proto::BarredPlace;
 use crate::search::{Path, Search};
-use crate::terrain::{Sensed, around};
+use crate::sensed::{Sensed, around};
 use rcs_geom::DVec2;
 use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
@@ -266,7 +266,7 @@ mod tests {
         assert!(length(&way) > before_m - 4.0, "{} of {before_m}", length(&way));
         // A place barred before the trap: the way into it is the only one that is known to be free.
         let mut way = along(&INTO_THE_TRAP);
-        let barred = [BarredPlace { x_m: -12.0, y_m: -15.0, radius_m: 14.0 }];
+        let barred = [BarredPlace { x_m: -12.0, y_m: -15.0, radius_m: 14.0, slipped: false }];
         way.cut(&trap(), &barred, to_global);
         assert!(way.in_global(false, to_global).iter().any(|at| at.x > -3.0 && at.x < 0.0));
         let mut way = along(&[(100.0, 0.0), (120.0, 0.0), (120.0, 5.0), (100.0, 5.0)]);

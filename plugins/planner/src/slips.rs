@@ -82,7 +82,7 @@ pub fn in_global(slips: &SlipMemory, origin: &Utm) -> Result<Vec<Barred>, SlipsE
     }
     let global = |place: &SlipPlace| {
         let at = (place.easting_m - origin.easting_m, place.northing_m - origin.northing_m);
-        Barred { at, radius_m: place.radius_m }
+        Barred { at, radius_m: place.radius_m, slipped: true }
     };
     Ok(slips.places.iter().map(global).collect())
 }
@@ -113,8 +113,12 @@ mod tests {
         Utm::new(18, true, 308_660.0, 4_333_755.0).unwrap()
     }
 
+    fn place(at: (f64, f64), radius_m: f64) -> Barred {
+        Barred { at, radius_m, slipped: true }
+    }
+
     fn places() -> [Barred; 2] {
-        [Barred { at: (12.5, -3.0), radius_m: 2.0 }, Barred { at: (14.0, 1.0), radius_m: 4.5 }]
+        [place((12.5, -3.0), 2.0), place((14.0, 1.0), 4.5)]
     }
 
     #[test]
@@ -148,8 +152,7 @@ mod tests {
 
     #[test]
     fn the_newest_places_are_kept() {
-        let many: Vec<Barred> =
-            (0..1500).map(|x| Barred { at: (f64::from(x), 0.0), radius_m: 1.0 }).collect();
+        let many: Vec<Barred> = (0..1500).map(|x| place((f64::from(x), 0.0), 1.0)).collect();
         let slips = to_message(&many, &origin());
         assert_eq!(in_global(&slips, &origin()).unwrap(), many[500..]);
     }

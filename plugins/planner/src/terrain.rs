@@ -24,6 +24,7 @@ use crate::clearance::{Clearance, MAX_BOUND};
 use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
 use crate::ground::Ground;
 use crate::place::Place;
+use crate::sensed::{Sensed, around};
 use crate::zones::Zones;
 use rcs_geom::{DVec2, Pose};
 use rcs_world::UNKNOWN_COST;
@@ -70,6 +71,8 @@ pub struct Rules {
     pub route_range_m: f64,
     /// Cost of a cell that would be blocked without relief.
     pub relief_cost: u8,
+    /// Factor by which terrain is dearer in barred places where the wheels slipped.
+    pub slipped: f64,
     /// Share of the terrain's cost that a cell on the path that was planned before loses.
     pub previous: f64,
     /// Distance from that path at which cells are no longer cheaper, m.
@@ -137,64 +140,6 @@ pub enum Obstruction {
     TooNarrow,
 }
 
-/// The fused map that costs are made from.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sensed {
-    /// Cells per row.
-    pub columns: usize,
-    /// Size of a cell, m.
-    pub cell_size_m: f64,
-    /// South-west corner in the map's frame, m.
-    pub corner: DVec2,
-    /// Fused costs by rows: 0 to 250, or 255 for unknown.
-    pub fused: Vec<u8>,
-    /// Whether the bumper hit something in the cell; empty if no cell was hit.
-    pub bumped: Vec<bool>,
-    /// Whether an earlier run, which has come near to the cell, knew an obstacle in it; empty if it knew none.
-    pub remembered: Vec<bool>,
-    /// Least distance from which an obstacle was seen in the cell, decimetres, 0 for never; empty if the map does not say
-    /// it.
-    pub seen_from_dm: Vec<u8>,
-}
-
-impl Sensed {
-    /// The cell at a position, m; it may lie outside of the map. `None` for positions that are no numbers or too far
-    /// away.
-    pub fn place(&self, position: DVec2) -> Option<Place> {
-        let cells = ((position - self.corner) / self.cell_size_m).floor();
-        let near = |at: f64| at.abs() < f64::from(i32::MAX / 4);
-        (near(cells.x) && near(cells.y)).then(|| Place::new(cells.x as i32, cells.y as i32))
-    }
-
-    /// The centre of a cell, m.
-    pub fn centre(&self, place: Place) -> DVec2 {
-        self.corner + (DVec2::new(f64::from(place.column), f64::from(place.row)) + 0.5) * self.cell_size_m
-    }
-
-    /// Share of the cells within a distance of a position that are on the map and known.
-    pub fn known_share(&self, position: DVec2, within_m: f64) -> f64 {
-        let Some(middle) = self.place(position) else { return 0.0 };
-        let reach = (within_m / self.cell_size_m).min(1000.0) as i32;
-        let rows = (self.fused.len() / self.columns.max(1)) as i32;
-        let (mut all, mut known) = (0_u32, 0_u32);
-        for row in middle.row - reach..=middle.row + reach {
-            for column in middle.column - reach..=middle.column + reach {
-                if (row - middle.row).pow(2) + (column - middle.column).pow(2) > reach * reach {
-                    continue;
-                }
-                all += 1;
-                let inside = (0..rows).contains(&row) && (0..self.columns as i32).contains(&column);
-                known += u32::from(inside && self.fused[self.index(Place::new(column, row))] != UNKNOWN_COST);
-            }
-        }
-        f64::from(known) / f64::from(all.max(1))
-    }
-
-    pub(crate) fn index(&self, place: Place) -> usize {
-        place.row as usize * self.columns + place.column as usize
-    }
-}
-
 /// The costs of a map around a vehicle, and the memory for them.
 #[derive(Clone, Debug, Default)]
 pub struct Terrain {
@@ -223,8 +168,8 @@ pub struct Terrain {
     is_sure: Vec<bool>,
     /// Whether the vehicle must not drive in the cell, whatever is in it; empty if it may in all.
     forbidden: Vec<bool>,
-    /// Whether the cell belongs to a place that is barred; empty if none does.
-    barred: Vec<bool>,
+    /// Factor by which terrain is dearer because the cell belongs to a place that is barred; empty if none does.
+    barred: Vec<f32>,
 }
 
 impl Terrain {
@@ -323,14 +268,18 @@ impl Terrain {
         }
     }
 
-    /// Marks the cells from which the vehicle reaches into a place that is barred. They have the greatest cost but are
-    /// not blocked, because such a place may be on the only way.
+    /// Marks the cells from which the vehicle reaches into a place that is barred. They are dear but not blocked, because
+    /// such a place may be on the only way. Where the wheels slipped the place is a guess of how far the slippery ground
+    /// reaches, so what the map knows of the ground counts, too: a firm path through mud that the place covers is cheaper
+    /// than the mud.
     fn bar(&mut self, sensed: &Sensed, past: &Past<'_>, rules: &Rules) {
         self.barred.clear();
         for place in past.barred {
-            self.barred.resize(sensed.fused.len(), false);
+            self.barred.resize(sensed.fused.len(), 1.0);
+            let factor = if place.slipped { rules.slipped as f32 } else { f32::from(MAX_COST) };
             around(sensed, DVec2::from(place.at), place.radius_m + rules.least_room_m, |place, _| {
-                self.barred[sensed.index(place)] = true;
+                let cell = &mut self.barred[sensed.index(place)];
+                *cell = cell.max(factor);
             });
         }
     }
@@ -375,11 +324,10 @@ impl Terrain {
         let unsure =
             || self.is_sure.get(at).is_some_and(|&is_sure| !is_sure).then_some(f32::from(rules.unsure));
         let terrain = self.ground.mean(at).or_else(unsure);
-        if self.barred.get(at).is_some_and(|&barred| barred) {
-            return terrain.map(|_| f32::from(MAX_COST));
-        }
         let is_hidden = fused == UNKNOWN_COST && self.was_near.get(at).is_some_and(|&was_near| was_near);
-        if is_hidden { terrain.map(|_| f32::from(rules.unknown_near)) } else { terrain }
+        let terrain = if is_hidden { terrain.map(|_| f32::from(rules.unknown_near)) } else { terrain };
+        let dearer = self.barred.get(at).copied().unwrap_or(1.0);
+        terrain.map(|terrain| (terrain * dearer).min(f32::from(MAX_COST)))
     }
 
     /// Marks the cells near the vehicle, and near where it was.
@@ -481,23 +429,6 @@ impl Terrain {
         let distances = free.map(|place| (sensed.centre(place).distance(position), place));
         let near = distances.filter(|&(distance_m, place)| distance_m <= within_m || place == middle);
         near.reduce(|best, other| if other.0 < best.0 { other } else { best }).map(|(_, place)| place)
-    }
-}
-
-/// Calls a function with each cell of the map whose centre lies within a distance of a position, and the distance, m.
-pub(crate) fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut(Place, f64)) {
-    let Some(middle) = sensed.place(position) else { return };
-    let reach = (within_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
-    let rows = (sensed.fused.len() / sensed.columns.max(1)) as i32;
-    let span = |at: i32, end: i32| (at - reach).max(0)..(at + reach + 1).min(end);
-    for row in span(middle.row, rows) {
-        for column in span(middle.column, sensed.columns as i32) {
-            let place = Place::new(column, row);
-            let distance_m = sensed.centre(place).distance(position);
-            if distance_m <= within_m {
-                visit(place, distance_m);
-            }
-        }
     }
 }
 

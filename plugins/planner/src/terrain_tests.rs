@@ -10,6 +10,7 @@ fn rules() -> Rules {
         narrow: 0.0,
         sure_m: f64::INFINITY,
         unsure: 250,
+        slipped: 4.0,
         half_width_m: 0.35,
         least_room_m: 0.4,
         far_room_m: 0.4,
@@ -288,13 +289,35 @@ fn an_obstacle_that_was_seen_from_far_alone_costs_but_does_not_block() {
 #[test]
 fn a_barred_place_has_the_greatest_cost_but_can_be_driven_if_it_is_the_only_way() {
     let sensed = with_obstacle(1.0, 0.0);
-    let barred = [Barred { at: (0.0, 0.0), radius_m: 0.5 }];
-    let past = Past { barred: &barred, ..Past::default() };
-    let mut terrain = Terrain::default();
-    let costs = terrain.costs(&sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &past, &rules()).unwrap();
+    let costs = costs_with_barred(&sensed, &[Barred { at: (0.0, 0.0), radius_m: 0.5, slipped: false }]);
     let cost = |x_m| costs.get(at(x_m, 0.0)).unwrap();
     assert_eq!([cost(0.0), cost(-0.8)], [MAX_COST; 2], "within its radius and the least room");
     assert_eq!(cost(-1.2), 10);
     assert_eq!(cost(1.0), BLOCKED);
     assert_eq!(cost(0.8), BLOCKED, "an obstacle in a barred place is still one");
+}
+
+#[test]
+fn a_firm_path_through_a_place_where_the_wheels_slipped_is_cheaper_than_the_mud_beside_it() {
+    let mut sensed = sensed(0);
+    for row in 0..sensed.fused.len() / sensed.columns {
+        for column in 0..sensed.columns {
+            let place = Place::new(column as i32, row as i32);
+            let index = sensed.index(place);
+            sensed.fused[index] = if sensed.centre(place).y > 0.0 { 120 } else { 0 };
+        }
+    }
+    let slipped = Barred { at: (0.0, 0.0), radius_m: 2.0, slipped: true };
+    let costs = costs_with_barred(&sensed, &[slipped]);
+    let cost = |y_m| costs.get(at(0.0, y_m)).unwrap();
+    assert_eq!(cost(-1.0), 40, "firm: four times as dear");
+    assert_eq!(cost(1.0), 240, "mud");
+    assert_eq!(cost(-4.0), 10, "outside of the place");
+    let costs = costs_with_barred(&sensed, &[slipped, Barred { slipped: false, ..slipped }]);
+    assert_eq!(costs.get(at(0.0, -1.0)).unwrap(), MAX_COST, "the vehicle does not get there");
+}
+
+fn costs_with_barred(sensed: &Sensed, barred: &[Barred]) -> CostGrid {
+    let past = Past { barred, ..Past::default() };
+    Terrain::default().costs(sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &past, &rules()).unwrap()
 }

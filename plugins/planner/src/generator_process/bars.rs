@@ -41,8 +41,8 @@ impl WaypointGenerator {
         let Some(at) = self.along_far_path(&global_from_local, params.lookahead_m / 2.0) else { return };
         let goal_m = self.told.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
         if goal_m > params.no_way_bars_m + 1.0 {
-            let place = BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m };
-            self.take_barred(Some(&place), false);
+            let place = BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m, slipped: false };
+            self.take_barred(Some(&place));
         }
     }
 
@@ -71,15 +71,13 @@ impl WaypointGenerator {
         }
     }
 
-    /// Bars a place, local frame, given whether the wheels slip there.
-    pub(super) fn take_barred(&mut self, place: Option<&BarredPlace>, slipped: bool) {
+    /// Bars a place, local frame.
+    pub(super) fn take_barred(&mut self, place: Option<&BarredPlace>) {
         let Some((place, (global_from_local, _))) = place.zip(self.global_from_local) else { return };
         let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
         let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
-        let place = Barred { at: (at.x, at.y), radius_m: place.radius_m };
-        let place = grown(place, vehicle, &self.barred);
-        self.barred.push(place);
-        self.slips.extend(slipped.then_some(place));
+        let place = Barred { at: (at.x, at.y), radius_m: place.radius_m, slipped: place.slipped };
+        self.barred.push(grown(place, vehicle, &self.barred));
         // The planners are told with the goal.
         self.told = None;
     }
@@ -106,9 +104,7 @@ impl WaypointGenerator {
         if params.slide_bars_m > 0.0 {
             let vehicle = Pose::from_xy_yaw(at.x, at.y, self.yaw_rad);
             let place = Barred::ahead(&vehicle, params.slide_bars_m);
-            let place = grown(place, at, &self.barred);
-            self.barred.push(place);
-            self.slips.push(place);
+            self.barred.push(grown(place, at, &self.barred));
         }
     }
 
@@ -150,7 +146,7 @@ impl WaypointGenerator {
                 return cx.fault(format!("slips: {why}; not used"));
             }
         };
-        places.extend_from_slice(&self.slips);
+        places.extend(self.barred.iter().filter(|place| place.slipped));
         if !places.is_empty() || self.slips_sent.is_some() {
             self.slips_sent = Some(now);
             cx.write(&ports.slips, now, slips::to_message(&places, &origin.0));
@@ -166,7 +162,7 @@ pub(super) fn in_local<'a>(
     let local_from_global = global_from_local.inverse();
     let place = |barred: &Barred| {
         let at = local_from_global * DVec2::from(barred.at).extend(0.0);
-        BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m }
+        BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m, slipped: barred.slipped }
     };
     places.map(place).collect()
 }

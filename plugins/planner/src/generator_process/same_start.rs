@@ -25,7 +25,7 @@ fn share_of_estimates(from_start_m: f64) -> f64 {
 impl WaypointGenerator {
     /// Whether the wheels have slipped in this run, so that its start may lie elsewhere in the local frame.
     pub(super) fn has_slipped(&self) -> bool {
-        !(self.slippery.is_empty() && self.slips.is_empty())
+        !self.slippery.is_empty() || self.barred.iter().any(|place| place.slipped)
     }
 
     /// The global frame of the run that drove the route in the local frame of this one, if both began at the same place.
