@@ -6,8 +6,7 @@ use crate::barred::Barred;
 use crate::follower_costs::Costs;
 use crate::modes::{Action, Bars, Mode, Modes, Obstacles, Table, Towards, Transition};
 use crate::motion::{
-    OWN_TRACK_M, Style, arc_rules, careful, first_stopped, message, poses_along, reversed, shaken, speeds,
-    turned_away,
+    OWN_TRACK_M, Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds, turned_away,
 };
 use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
 use crate::settings::{check_costs, rules_of};
@@ -40,8 +39,6 @@ pub struct WaypointFollower {
     watch: Watch,
     /// What SHAKE does, m/s and rad/s, and since when.
     shakes: Option<([f64; 2], Stamp)>,
-    /// When it was told to drive back last.
-    backed: Option<Stamp>,
     #[serde(skip)]
     memory: Memory,
 }
@@ -337,7 +334,7 @@ impl WaypointFollower {
         let rules = arc_rules(params, mode);
         let scored: Vec<Scored> =
             arcs::list(&rules).into_iter().map(|arc| scene.score(arc, &rules)).collect();
-        let (chosen, order) = match mode.map(|mode| mode.action) {
+        let (chosen, [speed_mps, yaw_rate_radps]) = match mode.map(|mode| mode.action) {
             None | Some(Action::Follow) => {
                 let best = target.and_then(|_| arcs::best(&scored));
                 (best, best.map_or([0.0; 2], |at| speeds(&scored[at], &style)))
@@ -357,11 +354,6 @@ impl WaypointFollower {
                 (None, turned_away(vehicle, &style, order, careful_mps, number))
             }
         };
-        if order[0] < 0.0 {
-            self.backed = Some(cx.now());
-        }
-        let backed_s = self.backed.map_or(f64::INFINITY, |backed| cx.now().seconds_since(backed));
-        let [speed_mps, yaw_rate_radps] = first_stopped(order, backed_s);
         let follows = obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow);
         let no_arc = follows && target.is_some() && chosen.is_none();
         self.watch.take_blocked(self.no_way, no_arc, cx.now());

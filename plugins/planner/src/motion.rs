@@ -192,16 +192,6 @@ pub(crate) fn careful(scored: &[Scored], style: &Style, [speed_mps, yaw_rate_rad
     limited(speed_mps).or_else(|| limited(-speed_mps)).unwrap_or_else(touching_mps)
 }
 
-/// Time within which a vehicle that has driven back has stopped, s.
-const STOPPED_S: f64 = 0.5;
-
-/// An order of speed and turn rate, m/s and rad/s, some time after the vehicle was told to drive back: until it has stopped,
-/// it does not turn ahead, because its tail would swing into what it is backing past.
-pub(crate) fn first_stopped([speed_mps, yaw_rate_radps]: [f64; 2], backed_s: f64) -> [f64; 2] {
-    let rolls_back = speed_mps >= 0.0 && backed_s < STOPPED_S;
-    [speed_mps, if rolls_back { 0.0 } else { yaw_rate_radps }]
-}
-
 /// Poses along an arc, every 0.2 m.
 pub(crate) fn poses_along(chosen: &Scored, vehicle: &Pose) -> Vec<rcs_msg::foxglove::Pose> {
     let start = (vehicle.translation.truncate(), vehicle.yaw());
@@ -298,15 +288,6 @@ mod tests {
             assert!((speed_mps - side * libm::sqrt(0.1)).abs() < 1e-9, "{motion:?}: {speed_mps}");
             assert_eq!(speeds_of(motion, 0.0, 0.2)[0], side * 0.25, "{motion:?}");
         }
-    }
-
-    #[test]
-    fn a_vehicle_that_still_rolls_back_does_not_turn_ahead_or_on_the_spot() {
-        assert_eq!(first_stopped([0.8, -1.2], 0.0), [0.8, 0.0]);
-        assert_eq!(first_stopped([0.0, 1.2], 0.4), [0.0, 0.0]);
-        assert_eq!(first_stopped([0.8, -1.2], 0.5), [0.8, -1.2]);
-        assert_eq!(first_stopped([-0.3, 0.2], 0.0), [-0.3, 0.2], "backing, it may");
-        assert_eq!(first_stopped([0.8, -1.2], f64::INFINITY), [0.8, -1.2], "it never backed");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! The speed ramps towards its target: it grows by at most the acceleration, falls by at most the deceleration, and
 //! stops at zero on the way from forward to backward. The turn rate is proportional to the heading error, with a dead
-//! band and limits, and is ramped, too. A differential drive with track `b` turns at rate `w` with wheel speeds `v ∓
+//! band and limits, and is ramped, too; a turn begins when the vehicle no longer rolls the other way. A differential drive with track `b` turns at rate `w` with wheel speeds `v ∓
 //! w·b/2`; where a wheel would exceed its limit, the vehicle drives more slowly and keeps its turn rate. An Ackermann
 //! vehicle gets the curvature `w/v`.
 //!
@@ -143,6 +143,7 @@ impl Ramps {
         self.speed_mps = ramp(self.speed_mps, wanted, drive.max_acceleration_mps2, deceleration, dt_s);
         let limit = drive.max_yaw_rate_radps;
         let change = drive.max_yaw_acceleration_radps2 * dt_s;
+        let yaw_rate_radps = if self.rolls_against(wanted) { 0.0 } else { yaw_rate_radps };
         let turn = yaw_rate_radps.clamp(-limit, limit) - self.yaw_rate_radps;
         self.yaw_rate_radps += turn.clamp(-change, change);
         match drive.track_m {
@@ -155,6 +156,12 @@ impl Ramps {
             }
             None => self.steered(aim, yaw_rate_radps, drive),
         }
+    }
+
+    /// Whether the vehicle still rolls against a wanted speed, m/s, so that it would turn along another arc than it is told
+    /// to: one that backs would swing its tail into what it is backing past.
+    fn rolls_against(&self, wanted_mps: f64) -> bool {
+        if self.speed_mps < 0.0 { wanted_mps >= 0.0 } else { self.speed_mps > 0.0 && wanted_mps < 0.0 }
     }
 
     fn differential(&self, lacking_radps: f64, track_m: f64, limit_mps: f64) -> Wheels {
@@ -247,6 +254,26 @@ mod tests {
         let back = Aim::Rate { speed_mps: -1.0, yaw_rate_radps: 0.0 };
         assert_eq!(ramps.step(back, &DIFFERENTIAL, &Slip::default(), DT_S).left_mps, 0.0);
         assert!((ramps.step(back, &DIFFERENTIAL, &Slip::default(), DT_S).left_mps + 0.02).abs() < 1e-12);
+    }
+
+    #[test]
+    fn it_does_not_turn_while_it_rolls_the_other_way() {
+        for (speed_mps, wanted_mps) in [(-0.6, 0.8), (-0.6, 0.0), (0.6, -0.3)] {
+            let mut ramps = Ramps { speed_mps, ..Ramps::default() };
+            let aim = Aim::Rate { speed_mps: wanted_mps, yaw_rate_radps: 1.2 };
+            let turn = |wheels: Wheels| wheels.right_mps - wheels.left_mps;
+            // It brakes with 2 m/s².
+            assert_eq!(turn(run(&mut ramps, aim, &DIFFERENTIAL, 14)), 0.0, "{speed_mps} to {wanted_mps} m/s");
+            assert!(turn(run(&mut ramps, aim, &DIFFERENTIAL, 20)) > 0.7, "{speed_mps} to {wanted_mps} m/s");
+        }
+        let mut ramps = Ramps { speed_mps: 0.6, ..Ramps::default() };
+        let wheels = ramps.step(
+            Aim::Rate { speed_mps: 0.0, yaw_rate_radps: 1.2 },
+            &DIFFERENTIAL,
+            &Slip::default(),
+            DT_S,
+        );
+        assert!(wheels.right_mps > wheels.left_mps, "rolling ahead to a turn on the spot, it turns at once");
     }
 
     #[test]
