@@ -26,10 +26,18 @@ pub enum SourceKind {
 pub struct Weighted {
     /// The source.
     pub source: Source,
-    /// Its confidences count by it: `W` of the papers. That of a source of kind [`SourceKind::Override`] is ignored.
+    /// Its confidences count by it: `W` of the papers. At 0 the source is off; for one of kind
+    /// [`SourceKind::Override`] any other weight is as good as 1.
     pub weight: f32,
     /// How its evidence is used.
     pub kind: SourceKind,
+}
+
+impl Weighted {
+    /// Whether the source is on. Weights that are no weights ([`Weights::check`]) turn it off.
+    fn counts(&self) -> bool {
+        self.weight > 0.0 && self.weight.is_finite()
+    }
 }
 
 /// Weights of the sources: `W_s`, `W_l`, `W_c` of the papers, for any number of sources. The order decides ties. A
@@ -104,6 +112,12 @@ impl Weights {
         self
     }
 
+    /// Whether all sources that sense from a distance are off, so that nothing is known of what is ahead.
+    pub fn is_blind(&self) -> bool {
+        let mut distant = self.entries.iter().filter(|entry| entry.kind != SourceKind::Override).peekable();
+        distant.peek().is_some() && distant.all(|entry| !entry.counts())
+    }
+
     /// Refuses NaN, infinity and negative weights. [`fuse`] treats them as 0.
     pub fn check(&self) -> Result<(), WeightsError> {
         match self.entries.iter().find(|entry| !(entry.weight.is_finite() && entry.weight >= 0.0)) {
@@ -120,14 +134,13 @@ impl Weights {
             .into_iter()
             .enumerate()
             .map(|(place, source)| {
-                let Weighted { weight, kind, .. } = self.get(source);
-                let weight = if weight > 0.0 && weight.is_finite() { weight } else { 0.0 };
-                Placed {
-                    place,
-                    source,
-                    weight: if kind == SourceKind::Override { 1.0 } else { weight },
-                    kind,
-                }
+                let weighted = self.get(source);
+                let weight = match weighted.kind {
+                    _ if !weighted.counts() => 0.0,
+                    SourceKind::Override => 1.0,
+                    SourceKind::Range | SourceKind::Learned => weighted.weight,
+                };
+                Placed { place, source, weight, kind: weighted.kind }
             })
             .collect();
         let order = |kind| match kind {
@@ -138,7 +151,9 @@ impl Weights {
         placed.sort_by_key(|entry| (order(entry.kind), rank(entry.source)));
         let least =
             if self.least_evidence.is_finite() { self.least_evidence.max(f32::MIN_POSITIVE) } else { 0.0 };
-        Layers { placed, least }
+        let is_off = |entry: &Placed| entry.kind == SourceKind::Override || entry.weight <= 0.0;
+        let blind = self.is_blind() && placed.iter().all(is_off);
+        Layers { placed, least, blind }
     }
 }
 
@@ -147,6 +162,8 @@ impl Weights {
 pub(crate) struct Layers {
     placed: Vec<Placed>,
     least: f32,
+    /// See [`Weights::is_blind`].
+    blind: bool,
 }
 
 /// A source prepared for fusion.
@@ -188,7 +205,8 @@ impl Fused {
 /// these rules that applies gives the result:
 ///
 /// 1. The obstacles of overriding sources: the one with the highest cost is the result.
-/// 2. What an overriding source has driven over: its cost is the result.
+/// 2. What an overriding source has driven over: its cost is the result. Where all other sources are off
+///    ([`Weights::is_blind`]) such a cell is unknown: a vehicle must not drive by its own track alone.
 /// 3. Cost = Σ Wᵢ·cᵢ·Costᵢ / Σ Wᵢ·cᵢ, rounded to nearest, over these sources:
 ///    - the range sensor with the highest cost (of equal ones the surer), with the evidence W·c of all range sensors
 ///      together: they do not average each other away. It counts by the part 1 − b, where b is the greatest backing of
@@ -213,6 +231,7 @@ pub(crate) struct Fuser<'a> {
     ranges: &'a [Placed],
     learned: &'a [Placed],
     least: f32,
+    blind: bool,
 }
 
 /// A source that counts in a cell.
@@ -235,6 +254,7 @@ impl<'a> Fuser<'a> {
             ranges: &placed[ranges..learned],
             learned: &placed[learned..],
             least: layers.least,
+            blind: layers.blind,
         }
     }
 
@@ -307,6 +327,7 @@ impl<'a> Fuser<'a> {
                 touched = Some(next);
             }
         }
+        let touched = touched.filter(|touch| !self.blind || touch.cost >= OBSTACLE_COST);
         touched.map(|touch| Fused::of(touch.cost, touch.source, touch.confidence))
     }
 }

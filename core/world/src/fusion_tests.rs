@@ -25,13 +25,15 @@ fn reference_fuse(said: &[(Source, Evidence)], weights: &Weights) -> Option<f64>
     let weight = |source: Source| f64::from(weights.get(source).weight);
     let of = |kind: SourceKind| {
         let present = said.iter().filter(move |(source, evidence)| {
-            let counts = weight(*source) > 0.0 || kind == SourceKind::Override;
+            let counts = weight(*source) > 0.0;
             weights.get(*source).kind == kind && evidence.confidence > 0 && evidence.cost <= 250 && counts
         });
         present.copied().collect::<Vec<_>>()
     };
     if let Some(touch) = of(SourceKind::Override).iter().map(|(_, evidence)| evidence.cost).max() {
-        return Some(f64::from(touch));
+        let distant = || weights.iter().filter(|entry| entry.kind != SourceKind::Override);
+        let is_blind = distant().count() > 0 && distant().all(|entry| entry.weight <= 0.0);
+        return (!is_blind || touch >= OBSTACLE_COST).then(|| f64::from(touch));
     }
     let evidence = |(source, said): &(Source, Evidence)| weight(*source) * f64::from(said.confidence);
     let ranges = of(SourceKind::Range);
@@ -135,6 +137,26 @@ fn a_touch_comes_first_then_what_was_driven_over_then_the_rest() {
     check(250, 1, (250, Source::BUMPER));
     check(0, 1, (0, Source::BUMPER));
     check(0, 0, (240, Source::STEREO));
+}
+
+#[test]
+fn without_a_sensor_that_looks_ahead_what_was_driven_over_is_unknown_and_what_was_hit_stays() {
+    let blind: Weights = Weights::default()
+        .iter()
+        .map(|entry| Weighted { weight: f32::from(u8::from(entry.kind == SourceKind::Override)), ..entry })
+        .collect();
+    assert!(blind.is_blind() && !Weights::default().is_blind());
+    let touched = |cost: u8| [(Source::STEREO, plain(0, 80)), (Source::BUMPER, plain(cost, 200))];
+    assert_eq!(fuse(&touched(0), &blind), Fused::UNKNOWN);
+    assert_eq!(fuse(&touched(250), &blind).cost, 250);
+    let looks = blind.clone().with(Source::STEREO, 0.01);
+    assert_eq!((fuse(&touched(0), &looks).cost, looks.is_blind()), (0, false));
+    let off = blind.with(Source::BUMPER, 0.0);
+    assert_eq!(fuse(&touched(250), &off), Fused::UNKNOWN, "a touch of weight 0 is off, too");
+    // A map of touches alone is no map of a vehicle that has lost its eyes.
+    let touches: Weights =
+        Weights::default().iter().filter(|entry| entry.kind == SourceKind::Override).collect();
+    assert!(!touches.is_blind());
 }
 
 #[test]

@@ -167,10 +167,12 @@ impl Process for WorldModel {
             }
         }
         self.fade(params, &listed, cx.now());
+        let is_blind = listed.weights.is_blind();
         if self.is_due(params, cx.now()) {
             self.publish(ports, params, listed, vehicle, cx);
         }
         cx.exec(match (vehicle.is_some(), self.seen.is_empty()) {
+            _ if is_blind => "all weights are 0: nothing is known of what is ahead",
             (true, false) => "fuses costs",
             (true, true) => "waits for costs",
             (false, _) => "waits for the vehicle's pose",

@@ -10,7 +10,7 @@ use rcs_runtime::ProcessType;
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::{Map, MapOptions, Source, VoteRule, Weights};
-use rcs_world_model::proto::{FusionWeights, WorldModelStats};
+use rcs_world_model::proto::{FusionWeights, WorldModelParams, WorldModelSourceKind, WorldModelStats};
 use rcs_world_model::{WeightLearner, WorldModel};
 
 const STACK: &str = r#"
@@ -124,4 +124,31 @@ fn the_weight_of_a_source_that_is_wrong_falls_within_its_bound_and_the_reason_is
     // The world model uses it.
     assert!(bench.latest::<WorldModelStats>("/wm1/stats").known > 0);
     assert_eq!(bench.faults("wm1"), (0, String::new()));
+}
+
+#[test]
+fn with_all_weights_at_zero_nothing_is_known_and_the_status_says_so() {
+    let mut bench = bench();
+    drive(&mut bench, 0..3);
+    let known = |bench: &Bench| bench.latest::<WorldModelStats>("/wm1/stats").known;
+    assert!(known(&bench) > 50);
+    let params: WorldModelParams = bench.latest("/wm1/params");
+    let at_zero = |mut params: WorldModelParams, kinds: &[WorldModelSourceKind]| {
+        for source in params.sources.iter_mut().filter(|source| kinds.contains(&source.kind())) {
+            source.weight = 0.0;
+        }
+        params
+    };
+    let distant = [WorldModelSourceKind::SourceRange, WorldModelSourceKind::SourceLearned];
+    // The vehicle has driven on, and what is behind it is known from touch.
+    for kinds in [&distant[..], &[distant[0], distant[1], WorldModelSourceKind::SourceOverride]] {
+        bench.write("/wm1/params", at_zero(params.clone(), kinds));
+        drive(&mut bench, 3..4);
+        assert_eq!(known(&bench), 0);
+        let status: rcs::Status = bench.latest("/wm1/status");
+        assert_eq!(status.state_text, "all weights are 0: nothing is known of what is ahead");
+    }
+    bench.write("/wm1/params", params);
+    drive(&mut bench, 4..5);
+    assert!(known(&bench) > 50, "it comes back");
 }
