@@ -60,6 +60,8 @@ struct Sensed {
     right_a: f64,
     bumper_left: bool,
     bumper_right: bool,
+    /// When the bumper spoke.
+    bumper_at: Option<Stamp>,
 }
 
 /// Ports of [`VehicleInterface`].
@@ -98,6 +100,22 @@ impl Sensed {
         let (yaw_rate_radps, turned_at) = self.yaw_rate_radps?;
         let is_new = |at: Stamp| now.seconds_since(at) <= SENSED_S;
         (is_new(wheels_at) && is_new(turned_at)).then_some((wheels_mps, yaw_rate_radps))
+    }
+
+    /// A sensor that has spoken and is silent now.
+    fn silent(&self, timeout_s: f64, now: Stamp) -> Option<String> {
+        if timeout_s <= 0.0 {
+            return None;
+        }
+        let spoke = [
+            ("encoders", self.wheels_mps.map(|(_, at)| at)),
+            ("imu", self.yaw_rate_radps.map(|(_, at)| at)),
+            ("bumper", self.bumper_at),
+        ];
+        let silent_s = |at: Option<Stamp>| at.map_or(0.0, |at| now.seconds_since(at));
+        let mut silent = spoke.into_iter().map(|(name, at)| (name, silent_s(at)));
+        let (name, silent_s) = silent.find(|&(_, silent_s)| silent_s > timeout_s)?;
+        Some(format!("{name} silent for {silent_s:.1} s, expected at most {timeout_s} s"))
     }
 }
 
@@ -288,6 +306,7 @@ impl VehicleInterface {
         }
         if let Some(bumper) = cx.read_newest(&ports.bumper) {
             (self.sensed.bumper_left, self.sensed.bumper_right) = (bumper.left, bumper.right);
+            self.sensed.bumper_at = Some(cx.now());
         }
     }
 
@@ -342,6 +361,9 @@ impl VehicleInterface {
         }
         if let Some(above) = cx.latest(&ports.above).filter(|above| above.state() == ProcessState::Error) {
             return Decision::stop(format!("{} is in ERROR: {}", above.process, above.state_text));
+        }
+        if let Some(silent) = self.sensed.silent(params.sensor_timeout_s, now) {
+            return Decision::stop(silent);
         }
         match self.drive.last_request(now, params.command_timeout_s) {
             LastRequest::Drive(request) => self.obey(request, params, now),

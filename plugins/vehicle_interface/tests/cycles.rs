@@ -266,11 +266,17 @@ fn a_heading_is_steered_for_by_the_local_position_and_without_it_the_vehicle_sta
 #[test]
 fn a_pressed_bumper_holds_the_way_forward_and_not_the_way_back() {
     let mut bench = Bench::start();
-    bench.write("/operator/bumper", rcs::Bumper { left: true, ..Default::default() });
+    let press = |bench: &mut Bench| {
+        bench.write("/operator/bumper", rcs::Bumper { left: true, ..Default::default() });
+    };
+    press(&mut bench);
     bench.drive_for(0.5, 20);
     assert_eq!(bench.wheels(), [0.0, 0.0]);
     assert_eq!(bench.vehicle().stop_reason, "bumper is pressed");
-    bench.drive_for(-0.5, 60);
+    for _ in 0..3 {
+        press(&mut bench);
+        bench.drive_for(-0.5, 20);
+    }
     assert_eq!(bench.wheels(), [-0.5, -0.5]);
     assert!(bench.vehicle().bumper_left && !bench.vehicle().stopped);
 }
@@ -315,6 +321,39 @@ fn with_one_side_in_mud_it_goes_straight_while_both_sensors_tell_it() {
     let [left_mps, right_mps] = slip_for(150, true);
     assert!((left_mps - right_mps - 0.3).abs() < 1e-3, "{left_mps} {right_mps}");
     assert_eq!(slip_for(15, false), [0.8; 2], "what the wheels did is not known any more");
+}
+
+#[test]
+fn a_sensor_that_falls_silent_stops_the_driver_but_not_the_operator() {
+    let speak = |bench: &mut Bench, sensor: &str| match sensor {
+        "encoders" => bench.write("/operator/encoders", rcs::WheelEncoders::default()),
+        "imu" => {
+            let angular_velocity = Some(Vector3::default());
+            bench.write("/operator/imu", rcs::Imu { angular_velocity, ..rcs::Imu::default() });
+        }
+        _ => bench.write("/operator/bumper", rcs::Bumper::default()),
+    };
+    for sensor in ["encoders", "imu", "bumper"] {
+        let mut bench = Bench::start();
+        bench.drive_for(1.0, 60);
+        assert_eq!(bench.wheels(), [1.0, 1.0], "{sensor}: one that never spoke is not missed");
+        speak(&mut bench, sensor);
+        bench.drive_for(1.0, 25);
+        assert_eq!(bench.wheels(), [1.0, 1.0], "{sensor}: silent for 0.5 s");
+        bench.drive_for(1.0, 20);
+        assert_eq!(bench.wheels(), [0.0, 0.0], "{sensor}");
+        let held = bench.vehicle();
+        let expected = format!("{sensor} silent for 0.9 s, expected at most 0.5 s");
+        assert_eq!((held.stopped, held.stop_reason), (true, expected));
+        bench.drive("teleop", 0.3, Some(0.0));
+        bench.run(1);
+        assert!(bench.wheels()[0] > 0.0, "{sensor}: the operator drives it home");
+        // The operator's command expires.
+        bench.run(15);
+        speak(&mut bench, sensor);
+        bench.drive_for(1.0, 20);
+        assert!(bench.wheels()[0] > 0.3, "{sensor}: it is back");
+    }
 }
 
 #[test]
