@@ -45,6 +45,11 @@ impl<C> Child<C> {
     pub(crate) fn new(slot: usize, place: usize) -> Self {
         Self { slot, place, commands: PhantomData }
     }
+
+    /// The same child, for the commands that every process obeys.
+    pub fn plain(&self) -> Child<NoCommands> {
+        Child::new(self.slot, self.place)
+    }
 }
 
 impl<C> Children<C> {

@@ -6,6 +6,8 @@
 //! | `vehicle_interface` | one, optional | what moves the vehicle: halted before all others, and when an essential child fails |
 //! | `essential` | any number | children without which the vehicle must not move |
 //! | `auxiliary` | any number | children whose failure is reported, and no more |
+//! | `maps` | any number | auxiliary children with a map, which `CLEAR` clears |
+//! | `memory` | any number | auxiliary children that keep a map from one run to the next: `SAVE` and `CLEAR` |
 //!
 //! A process whose stack entry has no `as = "…"` is `essential`. There are no ports.
 //!
@@ -19,6 +21,8 @@
 //! - `RUN` is sent to all children at once; the supervisor is in `EXEC` from then on.
 //! - `HALT` is sent to the vehicle interface; when that stands, or after `halt_timeout_s`, to all others. The
 //!   supervisor is `DONE` when all children are.
+//! - `SAVE` and `CLEAR`, while it runs, are passed on to the children with maps, which save or forget them; nothing else
+//!   changes.
 //!
 //! # Failures
 //!
@@ -51,4 +55,4 @@ rcs_msg::messages!(
 
 mod process;
 
-pub use process::Supervisor;
+pub use process::{MapCommand, MemoryCommand, Supervisor, SupervisorCommand};

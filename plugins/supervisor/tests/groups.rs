@@ -80,6 +80,50 @@ impl Process for Part {
     }
 }
 
+rcs_runtime::commands! {
+    /// Commands of [`Notes`].
+    enum NotesCommand {
+        Save = "SAVE": "Count it.",
+        Clear = "CLEAR": "Count it.",
+    }
+}
+
+/// Keeps notes: its status counts its commands.
+#[derive(Clone, Serialize, Deserialize)]
+struct Notes {
+    saved: u32,
+    cleared: u32,
+}
+
+impl Process for Notes {
+    type Params = rcs::NoParams;
+    type Ports = ();
+    type Command = NotesCommand;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "notes",
+        summary: "Keeps notes.",
+        period_ms: 500.0,
+        latency_ms: 0.0,
+        reads_ground_truth: false,
+    };
+
+    fn ports(_: &mut PortBuilder) {}
+
+    fn new(_params: &Self::Params) -> Self {
+        Self { saved: 0, cleared: 0 }
+    }
+
+    fn cycle(&mut self, (): &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
+        while let Some(command) = cx.next_command::<Self>() {
+            match command {
+                NotesCommand::Save => self.saved += 1,
+                NotesCommand::Clear => self.cleared += 1,
+            }
+        }
+        cx.exec(format!("saved {}, cleared {}", self.saved, self.cleared));
+    }
+}
+
 const STACK: &str = r#"
 format = 1
 name = "robot"
@@ -113,6 +157,18 @@ plugin = "part"
 supervisor = "robot"
 as = "auxiliary"
 inputs = { fate = "/operator/lamp" }
+
+[[process]]
+name = "map"
+plugin = "notes"
+supervisor = "robot"
+as = "maps"
+
+[[process]]
+name = "memory"
+plugin = "notes"
+supervisor = "robot"
+as = "memory"
 "#;
 
 struct Bench {
@@ -123,8 +179,12 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let plugins =
-            &[ProcessType::of::<Supervisor>(), ProcessType::of::<Wheels>(), ProcessType::of::<Part>()];
+        let plugins = &[
+            ProcessType::of::<Supervisor>(),
+            ProcessType::of::<Wheels>(),
+            ProcessType::of::<Part>(),
+            ProcessType::of::<Notes>(),
+        ];
         let plan = Plan::new(StackFile::parse("robot.toml", STACK).unwrap(), plugins, &[]).unwrap();
         let run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
         let mut bench = Self { session: Session::new(run).unwrap(), now_ms: 0, serial: 1 };
@@ -283,4 +343,45 @@ fn what_the_operator_halted_stays_halted_until_it_is_given_back() {
     bench.forward(200);
     bench.expect("wheels", Exec, "drives");
     assert_eq!(bench.status("wheels").commander, "robot");
+}
+
+#[test]
+fn save_and_clear_reach_the_maps_and_change_nothing_else() {
+    let mut bench = Bench::new();
+    bench.say("robot", "RUN");
+    bench.forward(1000);
+    bench.say("robot", "SAVE");
+    bench.forward(1000);
+    bench.expect("memory", Exec, "saved 1, cleared 0");
+    bench.expect("map", Exec, "saved 0, cleared 0");
+    bench.say("robot", "CLEAR");
+    bench.forward(3000);
+    bench.expect("memory", Exec, "saved 1, cleared 1");
+    bench.expect("map", Exec, "saved 0, cleared 1");
+    bench.expect("robot", Exec, "all children run");
+
+    // Both in one cycle: it runs and saves.
+    bench.say("robot", "INIT");
+    bench.forward(1000);
+    bench.say("robot", "RUN");
+    bench.say("robot", "SAVE");
+    bench.forward(1000);
+    bench.expect("robot", Exec, "all children run");
+    bench.expect("wheels", Exec, "drives");
+    bench.expect("memory", Exec, "saved 1, cleared 0");
+
+    // A vehicle that the supervisor has stopped stays so.
+    bench.fate("camera", "is blind");
+    bench.forward(1000);
+    bench.fate("camera", "");
+    bench.say("robot", "SAVE");
+    bench.forward(1000);
+    bench.expect("wheels", Done, "stands");
+    assert_eq!(bench.status("robot").state(), Error);
+
+    // A group without maps says so.
+    bench.say("perception", "SAVE");
+    bench.forward(100);
+    let status = bench.status("perception");
+    assert!(status.last_fault.contains("SAVE: no child has a map"), "{status:?}");
 }

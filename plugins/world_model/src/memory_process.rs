@@ -72,6 +72,8 @@ pub struct MapMemoryKeeper {
     /// When the costs were sent last, and where the frame of the remembered map then was in the local one.
     sent: Option<(Stamp, Pose)>,
     saved: Option<Stamp>,
+    /// Whether it was told to save, and has not yet.
+    asked: bool,
     kept: Kept,
     text: String,
     #[serde(skip)]
@@ -226,10 +228,9 @@ impl Process for MapMemoryKeeper {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) {
-        let mut is_asked = false;
         while let Some(command) = cx.next_command::<Self>() {
             match command {
-                MapMemoryCommand::Save => is_asked = true,
+                MapMemoryCommand::Save => self.asked = true,
                 MapMemoryCommand::Clear => self.dropped = Some("the remembered map is cleared".to_owned()),
             }
         }
@@ -251,7 +252,9 @@ impl Process for MapMemoryKeeper {
         let Ok(origin) = Origin::from_toml(&params.world) else {
             return cx.error("world: expected a file with the [origin] of the global frame");
         };
-        let Some(map) = cx.read_newest(&ports.map) else {
+        // Asked to save, it takes the last map, also of a world model that is halted.
+        let last = if self.asked { cx.latest(&ports.map) } else { None };
+        let Some(map) = cx.read_newest(&ports.map).or(last) else {
             return self.tell(cx);
         };
         let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
@@ -262,7 +265,9 @@ impl Process for MapMemoryKeeper {
         }
         let now = cx.now();
         cx.write(&ports.registration, now, self.registration(params, now));
-        if is_asked || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s) {
+        if std::mem::take(&mut self.asked)
+            || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s)
+        {
             match self.save(params, &seen) {
                 Ok(Some(saved)) => {
                     self.saved = Some(now);

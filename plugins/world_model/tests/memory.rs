@@ -128,6 +128,29 @@ fn first_run() -> String {
     rcs_msg::to_json(&rcs_msg::AnyMessage::new(bench.latest::<MapMemory>("/memory/memory"))).unwrap()
 }
 
+fn say(bench: &mut Bench, process: &str, command: &impl CommandSet) {
+    let encoded = command.encode();
+    let (parameters_schema, parameters) = encoded.parameters;
+    let (name, parameters) = (encoded.name.to_owned(), parameters.into());
+    let serial = 100 + bench.now_ms;
+    let command = rcs::Command { serial, name, parameters_schema, parameters, timestamp: None };
+    bench.write(&format!("/{process}/command"), command);
+}
+
+#[test]
+fn save_saves_at_once_also_while_no_new_map_comes() {
+    let mut bench = start("");
+    look(&mut bench, DVec2::ZERO, 12.0, ground_truth, 40);
+    bench.write("/wm/command", rcs::Command { serial: 99, name: "HALT".to_owned(), ..Default::default() });
+    bench.cycles(50, 60);
+    let before = bench.sent("/memory/memory");
+    bench.cycles(50, 60);
+    assert_eq!(bench.sent("/memory/memory"), before, "there is nothing new to save");
+    say(&mut bench, "memory", &MapMemoryCommand::Save);
+    bench.cycles(50, 60);
+    assert_eq!(bench.sent("/memory/memory"), before + 1);
+}
+
 #[test]
 fn what_was_near_is_saved_in_global_coordinates() {
     let saved = parse(&first_run()).unwrap().unwrap();
@@ -158,11 +181,7 @@ fn a_remembered_map_is_registered_before_it_is_believed_and_what_is_sensed_outvo
     assert!(placed.distance(moved - DVec2::new(2.0, 3.0)) < 0.6, "{placed}");
     assert_eq!(cost_at(&bench, DVec2::new(7.4, -2.8) + moved), 250, "remembered, and not sensed");
     assert!(cost_at(&bench, DVec2::new(3.4, 0.1) + moved) < 125, "sensed ground");
-    let encoded = MapMemoryCommand::Clear.encode();
-    let (parameters_schema, parameters) = encoded.parameters;
-    let (name, parameters) = (encoded.name.to_owned(), parameters.into());
-    let command = rcs::Command { serial: 100, name, parameters_schema, parameters, timestamp: None };
-    bench.write("/memory/command", command);
+    say(&mut bench, "memory", &MapMemoryCommand::Clear);
     bench.cycles(50, 60);
     assert_eq!(text(&bench), "the remembered map is cleared");
     assert_eq!(cost_at(&bench, DVec2::new(7.4, -2.8) + moved), 255);
