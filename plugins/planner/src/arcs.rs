@@ -6,7 +6,7 @@
 //!
 //! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
 //! until its length, or until the vehicle's middle gets into a blocked cell; in a tight bend, in which it swings out by more
-//! than half a cell, its tail, too. Along a turn on the spot the tail swings until the vehicle faces the target. The score
+//! than a quarter of a cell, its tail, too. Along a turn on the spot the tail swings until the vehicle faces the target. The score
 //! of an arc is a sum of terms, and the lowest one wins:
 //!
 //! | term | what |
@@ -271,7 +271,7 @@ impl Scene<'_> {
         let mut is_out = self.cost(ahead(start)) != BLOCKED;
         // In a tight bend ahead the tail swings out to the other side. It may follow the middle out of what that stands in.
         let is_tight = arc.motion == Motion::Forward
-            && swing_m(arc.curvature_per_m, rules.tail_m) > 0.5 * self.sensed.cell_size_m;
+            && swing_m(arc.curvature_per_m, rules.tail_m) > 0.25 * self.sensed.cell_size_m;
         let follows = !is_tight || !is_out;
         let swings_in = |pose| !follows && self.cost(tail(pose, rules)) == BLOCKED;
         let mut tail_is_out = !swings_in(start);

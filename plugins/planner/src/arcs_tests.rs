@@ -45,8 +45,13 @@ fn chosen_by(rules: &Rules, cost: impl Fn(DVec2) -> u8, yaw_rad: f64, target: DV
 
 /// The score of an arc of a vehicle at (0, 0) that faces its target, 4 m away.
 fn scored(cost: impl Fn(DVec2) -> u8, arc: Arc) -> Scored {
+    scored_at(0.0, cost, arc)
+}
+
+/// The same of a vehicle at (0, y), m.
+fn scored_at(y_m: f64, cost: impl Fn(DVec2) -> u8, arc: Arc) -> Scored {
     let (sensed, costs) = scene(cost);
-    let (vehicle, target) = (Pose::IDENTITY, DVec2::new(4.0, 0.0));
+    let (vehicle, target) = (Pose::from_xy_yaw(0.0, y_m, 0.0), DVec2::new(4.0, y_m));
     let scene =
         Scene { sensed: &sensed, costs: &costs, vehicle: &vehicle, target, before_per_m: 0.0, turning: None };
     scene.score(arc, &RULES)
@@ -142,6 +147,11 @@ fn in_a_bend_it_keeps_its_tail_free_and_one_that_is_in_a_wall_can_be_driven_out(
     assert!(free_m(0.5, 1.5) > 2.0, "far from the wall");
     assert!(free_m(0.05, 0.2) > 2.0, "a wide bend");
     assert!(free_m(0.05, 1.5) < 0.5, "a tight one");
+    // Close to the wall, a bend of 2 m radius is tight enough: the tail swings by 0.06 m.
+    let bend = |curvature_per_m: f64| Arc { motion: Motion::Forward, curvature_per_m };
+    let beside = |bend: Arc| scored_at(-0.06, |at| if at.y < -0.05 { BLOCKED } else { 10 }, bend).free_m;
+    assert!(beside(bend(0.5)) < 0.5, "{}", beside(bend(0.5)));
+    assert!(beside(bend(0.2)) > 2.0, "a wide bend");
     let in_a_wall = |at: DVec2| if at.x < -0.3 { BLOCKED } else { 10 };
     assert!(chosen(in_a_wall, 0.0, DVec2::new(3.0, 1.5)).unwrap().free_m > 2.9);
 }
