@@ -71,7 +71,7 @@ pub struct Rules {
     pub route_range_m: f64,
     /// Cost of a cell that would be blocked without relief.
     pub relief_cost: u8,
-    /// Factor by which terrain is dearer in barred places where the wheels slipped.
+    /// Factor by which terrain and clearance are dearer in barred places where the wheels slipped.
     pub slipped: f64,
     /// Share of the terrain's cost that a cell on the path that was planned before loses.
     pub previous: f64,
@@ -168,7 +168,8 @@ pub struct Terrain {
     is_sure: Vec<bool>,
     /// Whether the vehicle must not drive in the cell, whatever is in it; empty if it may in all.
     forbidden: Vec<bool>,
-    /// Factor by which terrain is dearer because the cell belongs to a place that is barred; empty if none does.
+    /// Factor by which terrain and clearance are dearer because the cell belongs to a place that is barred; empty if none
+    /// does.
     barred: Vec<f32>,
 }
 
@@ -270,8 +271,8 @@ impl Terrain {
 
     /// Marks the cells from which the vehicle reaches into a place that is barred. They are dear but not blocked, because
     /// such a place may be on the only way. Where the wheels slipped the place is a guess of how far the slippery ground
-    /// reaches, so what the map knows of the ground counts, too: a firm path through mud that the place covers is cheaper
-    /// than the mud.
+    /// reaches, so what the map knows counts there as elsewhere, times a factor: a firm path through mud that the place
+    /// covers is cheaper than the mud, and close to an obstacle it is not.
     fn bar(&mut self, sensed: &Sensed, past: &Past<'_>, rules: &Rules) {
         self.barred.clear();
         for place in past.barred {
@@ -284,6 +285,11 @@ impl Terrain {
         }
     }
 
+    /// A term of a cell, dearer where that belongs to a place that is barred.
+    fn barred(&self, at: usize, term: f32) -> f32 {
+        self.barred.get(at).map_or(term, |factor| (term * factor).min(f32::from(MAX_COST)))
+    }
+
     /// The clearance term of a cell by its squared distance from the nearest obstacle; `None` where the vehicle does not
     /// fit.
     fn room_of(&self, at: usize, squared: u16) -> Option<f32> {
@@ -291,9 +297,9 @@ impl Terrain {
         let near = self.by_room[usize::from(squared)].or_else(|| fits_beside.then_some(self.least_clearance));
         // Far cells differ only where the vehicle would not fit.
         if near.is_some() || self.was_near.get(at).is_none_or(|&was_near| was_near) {
-            return near;
+            return near.map(|clearance| self.barred(at, clearance));
         }
-        self.by_far_room[usize::from(squared)]
+        self.by_far_room[usize::from(squared)].map(|clearance| self.barred(at, clearance))
     }
 
     /// Marks the cells of each block of two by two cells without an obstacle, where cells are so coarse that the vehicle
@@ -326,8 +332,7 @@ impl Terrain {
         let terrain = self.ground.mean(at).or_else(unsure);
         let is_hidden = fused == UNKNOWN_COST && self.was_near.get(at).is_some_and(|&was_near| was_near);
         let terrain = if is_hidden { terrain.map(|_| f32::from(rules.unknown_near)) } else { terrain };
-        let dearer = self.barred.get(at).copied().unwrap_or(1.0);
-        terrain.map(|terrain| (terrain * dearer).min(f32::from(MAX_COST)))
+        terrain.map(|terrain| self.barred(at, terrain))
     }
 
     /// Marks the cells near the vehicle, and near where it was.

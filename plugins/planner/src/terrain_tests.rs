@@ -313,6 +313,15 @@ fn a_firm_path_through_a_place_where_the_wheels_slipped_is_cheaper_than_the_mud_
     assert_eq!(cost(-1.0), 40, "firm: four times as dear");
     assert_eq!(cost(1.0), 240, "mud");
     assert_eq!(cost(-4.0), 10, "outside of the place");
+    let index = sensed.index(at(1.0, -1.0));
+    sensed.fused[index] = 250;
+    let beside = costs_with_barred(&sensed, &[slipped]).get(at(0.4, -1.0)).unwrap();
+    let outside = costs_with_barred(&sensed, &[]).get(at(0.4, -1.0)).unwrap();
+    assert!(
+        beside.abs_diff(4 * outside) <= 2,
+        "close to an obstacle it is as much dearer: {beside} {outside}"
+    );
+    assert!(outside > 10);
     let costs = costs_with_barred(&sensed, &[slipped, Barred { slipped: false, ..slipped }]);
     assert_eq!(costs.get(at(0.0, -1.0)).unwrap(), MAX_COST, "the vehicle does not get there");
 }
