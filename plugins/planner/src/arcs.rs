@@ -6,8 +6,8 @@
 //!
 //! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
 //! until its length, or until the vehicle's middle gets into a blocked cell; in a tight bend, in which it swings out by more
-//! than a quarter of a cell, its tail, too. Along a turn on the spot the tail swings until the vehicle faces the target. The score
-//! of an arc is a sum of terms, and the lowest one wins:
+//! than a quarter of a cell, its tail, too. Along a turn on the spot the tail swings until the vehicle faces the target.
+//! The score of an arc is a sum of terms, and the lowest one wins:
 //!
 //! | term | what |
 //! | --- | --- |

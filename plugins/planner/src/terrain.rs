@@ -16,6 +16,8 @@
 //! | previous | negative: along the path that was planned before; a share of the terrain's cost; so that the vehicle does not waver between paths that cost nearly the same |
 //! | relief | negative: near the vehicle an unknown cell is taken for clear, and what is blocked for passable at a high cost |
 //!
+//! In a place that is barred, terrain and clearance are dearer by a factor.
+//!
 //! A cell is blocked if the table blocks it, or if the vehicle standing there would touch such a cell. What the bumper
 //! hit is blocked without relief. The papers name no values; here they are parameters.
 
