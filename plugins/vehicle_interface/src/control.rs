@@ -2,9 +2,9 @@
 //!
 //! The speed ramps towards its target: it grows by at most the acceleration, falls by at most the deceleration, and
 //! stops at zero on the way from forward to backward. The turn rate is proportional to the heading error, with a dead
-//! band and limits, and is ramped, too; a turn begins when the vehicle no longer rolls the other way. A differential drive with track `b` turns at rate `w` with wheel speeds `v ∓
-//! w·b/2`; where a wheel would exceed its limit, the vehicle drives more slowly and keeps its turn rate. An Ackermann
-//! vehicle gets the curvature `w/v`.
+//! band and limits, and is ramped, too; a turn begins when the vehicle no longer rolls the other way. A differential
+//! drive with track `b` turns at rate `w` with wheel speeds `v ∓ w·b/2`; where a wheel would exceed its limit, the
+//! vehicle drives more slowly and keeps its turn rate. An Ackermann vehicle gets the curvature `w/v`.
 //!
 //! Wheels that slip on one side turn the vehicle less than their speeds say, or the other way: with one side in mud, it is
 //! drawn into it. What the turn lacks ([`Slip`]) is added to the turn rate of a differential drive.
