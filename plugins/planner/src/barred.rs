@@ -3,6 +3,7 @@
 //! Wheels that turn on mud move the local frame along with the vehicle, and the position fixes notice it later: the
 //! vehicle is back where it was before. Such a place is barred for the rest of the run: the planner goes around it wherever there is another way.
 
+use crate::proto::BarredPlace;
 use rcs_geom::{DVec2, Pose};
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +16,19 @@ pub struct Barred {
     pub radius_m: f64,
     /// Whether the wheels slipped there.
     pub slipped: bool,
+}
+
+impl From<&BarredPlace> for Barred {
+    fn from(place: &BarredPlace) -> Barred {
+        Barred { at: (place.x_m, place.y_m), radius_m: place.radius_m, slipped: place.slipped }
+    }
+}
+
+impl From<Barred> for BarredPlace {
+    fn from(barred: Barred) -> BarredPlace {
+        let Barred { at: (x_m, y_m), radius_m, slipped } = barred;
+        BarredPlace { x_m, y_m, radius_m, slipped }
+    }
 }
 
 /// Distance from the origin of the vehicle to the border of a place that is barred ahead of it, m: so the vehicle stands

@@ -4,7 +4,7 @@
 use crate::barred::Barred;
 use crate::map_reader::MapReader;
 use crate::plan::{Candidate, NoPlan, Plan, Planner, Step, Task};
-use crate::proto::{BarredPlace, PlanPoint, PlannerGoal, PlannerParams};
+use crate::proto::{PlanPoint, PlannerGoal, PlannerParams};
 use crate::settings::{check_costs, rules_of};
 use crate::terrain::{Past, Rules, Terms};
 use crate::zones::{Polygon, Zones};
@@ -127,12 +127,7 @@ impl Process for AStarPlanner {
             let PlannerCommand::PlanTo(goal) = command;
             self.goal = Some((goal.x_m, goal.y_m));
             self.route = goal.route.iter().map(|point| (point.x_m, point.y_m)).collect();
-            let barred = |place: &BarredPlace| Barred {
-                at: (place.x_m, place.y_m),
-                radius_m: place.radius_m,
-                slipped: place.slipped,
-            };
-            self.barred = goal.barred.iter().map(barred).collect();
+            self.barred = goal.barred.iter().map(Barred::from).collect();
             match zones(&goal) {
                 Ok(zones) => self.zones = zones,
                 // What cannot be understood must not be driven through.

@@ -76,7 +76,7 @@ impl WaypointGenerator {
         let Some((place, (global_from_local, _))) = place.zip(self.global_from_local) else { return };
         let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
         let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
-        let place = Barred { at: (at.x, at.y), radius_m: place.radius_m, slipped: place.slipped };
+        let place = Barred { at: (at.x, at.y), ..Barred::from(place) };
         self.barred.push(grown(place, vehicle, &self.barred));
         // The planners are told with the goal.
         self.told = None;
@@ -162,7 +162,7 @@ pub(super) fn in_local<'a>(
     let local_from_global = global_from_local.inverse();
     let place = |barred: &Barred| {
         let at = local_from_global * DVec2::from(barred.at).extend(0.0);
-        BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m, slipped: barred.slipped }
+        Barred { at: (at.x, at.y), ..*barred }.into()
     };
     places.map(place).collect()
 }
