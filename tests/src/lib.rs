@@ -9,6 +9,8 @@ mod courses;
 #[cfg(test)]
 mod determinism;
 #[cfg(test)]
+mod experience;
+#[cfg(test)]
 mod golden;
 #[cfg(test)]
 mod judged;
