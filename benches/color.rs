@@ -83,9 +83,8 @@ fn color_models(criterion: &mut Criterion) {
                 };
                 let costs = seen.costs.expect("there is ground in the image");
                 let known = seen.known.as_ref().map(|known| Standing { known, shape, screens: None });
-                let ground = Ground::with_known(&costs, known.as_ref(), place);
-                let map = |cell_m, range_m| CostMap::new(&ground, cell_m, range_m).into_grid("local", time);
-                (print, map(0.2, 12.0), map(0.6, 20.0))
+                let ground = Ground::new(&costs, &seen.models, known.as_ref(), place);
+                (print, CostMap::new(&ground, 0.2, 12.0).into_grid("local", time))
             })
         });
     }

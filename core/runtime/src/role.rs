@@ -36,6 +36,8 @@ pub enum Role {
     Path,
     /// A pose.
     Pose,
+    /// Shapes on an image that are expected there, not seen in it.
+    Prediction,
     /// A measurement of a sensor.
     Sensor,
     /// Static transforms.
@@ -49,7 +51,7 @@ pub enum Role {
 /// Key of the channel metadata that holds the role of a buffer.
 pub(crate) const ROLE: &str = "rcs.role";
 
-const NAMES: [(Role, &str); 19] = [
+const NAMES: [(Role, &str); 20] = [
     (Role::Annotations, "annotations"),
     (Role::Calibration, "calibration"),
     (Role::Cloud, "cloud"),
@@ -65,6 +67,7 @@ const NAMES: [(Role, &str); 19] = [
     (Role::Models, "models"),
     (Role::Path, "path"),
     (Role::Pose, "pose"),
+    (Role::Prediction, "prediction"),
     (Role::Sensor, "sensor"),
     (Role::StaticTransforms, "static_transforms"),
     (Role::Stats, "stats"),
@@ -85,7 +88,7 @@ impl Role {
     /// Message types that suit this role; empty if any type does.
     pub fn types(self) -> &'static [&'static str] {
         match self {
-            Role::Annotations => &["foxglove.ImageAnnotations"],
+            Role::Annotations | Role::Prediction => &["foxglove.ImageAnnotations"],
             Role::Calibration => &["foxglove.CameraCalibration"],
             Role::Cloud => &["foxglove.PointCloud"],
             Role::Cost => &["foxglove.Grid", "foxglove.RawImage"],

@@ -10,6 +10,7 @@
 //! - [`Origin`]: the origin of the global frame on the earth.
 //! - [`Sample`]: the picture of what a model was learned from.
 //! - [`model_to_delete`]: which learned model a command means.
+//! - [`Standing`]: what stands in the cells of a world model, for a camera that is expected to see it.
 //! - [`ObstacleLabel`]: codes of the pixels of obstacle label images.
 //!
 //! The crate is above the runtime and below the plugins. It contains no algorithm of a single plugin: those are in
@@ -38,6 +39,7 @@ mod localizer;
 mod origin;
 mod pose_ports;
 mod sample;
+mod standing;
 
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
 pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, upright};
@@ -48,8 +50,9 @@ pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of
 pub use origin::Origin;
 pub use pose_ports::PosePorts;
 pub use sample::{Rgb, SAMPLE_PX, Sample, SampleError};
+pub use standing::{Standing, is_obstacle, plane_height};
 
-pub use rcs_world::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
+pub use rcs_world::CELL_SIZE_M;
 
 /// Slip over some metres (`rcs.WaySlip`) of ground on which wheels slip and the vehicle gets on: firm ground and growth have
 /// less than 0.2 in truth, flat mud 0.5. More slip tells nothing of the ground: the vehicle hardly moves, and without images

@@ -71,12 +71,14 @@ pub struct Vote {
     pub worth: u8,
     /// How far experience backs it: see [`Evidence::backing`].
     pub backing: u8,
+    /// The model that says so: see [`Evidence::model`].
+    pub model: u8,
 }
 
 impl From<u8> for Vote {
     /// A vote of full worth.
     fn from(cost: u8) -> Vote {
-        Vote { cost, worth: u8::MAX, backing: 0 }
+        Vote { cost, worth: u8::MAX, backing: 0, model: 0 }
     }
 }
 
@@ -107,6 +109,9 @@ pub struct Evidence {
     /// How far experience backs the cost, 0 to 255: driven over, bumped into, or known beforehand. Only of sources that
     /// learn.
     pub backing: u8,
+    /// The model of the source by which the cell was judged last: its number from 1 in the source's message of models; 0
+    /// where none was. Only of sources that learn.
+    pub model: u8,
     /// Acquisition sequence of the message that last changed it.
     pub sequence: u32,
 }
@@ -114,7 +119,7 @@ pub struct Evidence {
 impl Evidence {
     /// No vote yet.
     pub const NONE: Evidence =
-        Evidence { cost: UNKNOWN_COST, confidence: 0, against: 0, backing: 0, sequence: 0 };
+        Evidence { cost: UNKNOWN_COST, confidence: 0, against: 0, backing: 0, model: 0, sequence: 0 };
 
     /// Updates the evidence with a vote (Oskard 1988). [`Label::of_cost`] gives the class of a cost.
     ///
@@ -139,14 +144,15 @@ impl Evidence {
         let (rise, fall) = (part_of(rule.rise.max(1), part).min(bound), part_of(fall, part));
         let raised = |confidence: u8| confidence.saturating_add(rise).min(bound.max(confidence));
         if self.confidence == 0 || self.cost > MAX_COST {
-            let backing = vote.backing;
-            return Evidence { cost: vote.cost, confidence: rise, backing, sequence, ..Evidence::NONE };
+            let Vote { cost, backing, model, .. } = vote;
+            return Evidence { cost, confidence: rise, against: 0, backing, model, sequence };
         }
         if Label::of_cost(self.cost) != class {
             let [own, other] = [self.confidence.saturating_sub(fall), raised(self.against)];
             let wins = other > own || (other == own && class == Label::Obstacle);
             return if wins {
-                Evidence { cost: vote.cost, confidence: other, against: own, backing: vote.backing, sequence }
+                let Vote { cost, backing, model, .. } = vote;
+                Evidence { cost, confidence: other, against: own, backing, model, sequence }
             } else {
                 Evidence { confidence: own, against: other, sequence, ..self }
             };
@@ -164,6 +170,7 @@ impl Evidence {
             confidence: raised(self.confidence),
             against: self.against.saturating_sub(fall),
             backing: moved(self.backing, vote.backing),
+            model: vote.model,
             sequence,
         }
     }
@@ -378,7 +385,7 @@ mod tests {
     #[test]
     fn a_vote_counts_by_its_worth_and_by_its_distance_from_the_border_of_the_classes() {
         let check = |cost: u8, worth: u8, votes: u32, expected: u8| {
-            let vote = Vote { cost, worth, backing: 0 };
+            let vote = Vote { worth, ..Vote::from(cost) };
             let evidence = (0..votes).fold(Evidence::NONE, |evidence, n| evidence.voted(vote, n, RULE));
             assert_eq!(evidence.confidence, expected, "{vote:?}");
         };
@@ -439,7 +446,7 @@ mod tests {
             let rule = VoteRule { rise, fall, obstacle_fall, max: 255, ground_max };
             let mut evidence = Evidence::NONE;
             for (i, (cost, worth)) in (0..).zip(votes) {
-                evidence = evidence.voted(Vote { cost, worth, backing: 0 }, i, rule);
+                evidence = evidence.voted(Vote { worth, ..Vote::from(cost) }, i, rule);
                 prop_assert_eq!(evidence.confidence == 0, evidence.cost == UNKNOWN_COST);
                 prop_assert!(evidence.cost <= MAX_COST || evidence.cost == UNKNOWN_COST);
                 prop_assert!(evidence.against <= evidence.confidence);

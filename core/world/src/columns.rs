@@ -30,6 +30,7 @@ pub(crate) enum Column {
     Confidence(Source),
     Against(Source),
     Backing(Source),
+    Model(Source),
     ElevationConfidence,
 }
 
@@ -65,6 +66,9 @@ pub(crate) fn columns(options: &MapOptions) -> Vec<(String, NumericType, Column)
         list.push((format!("conf.{source}"), NumericType::Uint8, Column::Confidence(source)));
         list.push((format!("against.{source}"), NumericType::Uint8, Column::Against(source)));
         list.push((format!("backing.{source}"), NumericType::Uint8, Column::Backing(source)));
+        if options.has_models(source) {
+            list.push((format!("model.{source}"), NumericType::Uint8, Column::Model(source)));
+        }
     }
     if options.heights {
         list.push(("conf.elevation".to_owned(), NumericType::Uint8, Column::ElevationConfidence));
@@ -117,7 +121,8 @@ impl Column {
             | Column::Cost(source)
             | Column::Confidence(source)
             | Column::Against(source)
-            | Column::Backing(source) => Some(source),
+            | Column::Backing(source)
+            | Column::Model(source) => Some(source),
             _ => None,
         }
     }
@@ -132,6 +137,7 @@ impl Column {
             Column::Cost(_) => f64::from(evidence.cost),
             Column::Against(_) => f64::from(evidence.against),
             Column::Backing(_) => f64::from(evidence.backing),
+            Column::Model(_) => f64::from(evidence.model),
             _ => f64::from(evidence.confidence),
         }
     }

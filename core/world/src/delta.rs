@@ -85,9 +85,11 @@ impl DeltaEncoder for Encoder {
 /// Whether a delta can express the change: the shape is the same, and everything stored before is still stored.
 fn follows(before: &MapMessage, after: &MapMessage) -> bool {
     let shape = |message: &MapMessage| (message.map().side(), message.map().grid().cell_size_m());
+    let has_same_models = |source| before.options().has_models(source) == after.options().has_models(source);
     shape(before) == shape(after)
         && before.options().heights == after.options().heights
         && before.options().sources.iter().all(|source| after.options().sources.contains(source))
+        && before.options().sources.iter().all(has_same_models)
 }
 
 fn difference(last: &Last, message: &MapMessage) -> MapDelta {
@@ -305,6 +307,7 @@ enum StoredColumn {
     Confidence(Source),
     Against(Source),
     Backing(Source),
+    Model(Source),
     Ground(usize),
     Obstacle(usize),
     ElevationConfidence,
@@ -312,13 +315,16 @@ enum StoredColumn {
 
 fn stored_columns(options: &MapOptions) -> impl Iterator<Item = (String, StoredColumn)> + use<> {
     let of_source = |source: Source| {
-        [
+        let model = (format!("model.{source}"), StoredColumn::Model(source));
+        let model = options.has_models(source).then_some(model);
+        let columns = [
             (format!("seq.{source}"), StoredColumn::Sequence(source)),
             (format!("cost.{source}"), StoredColumn::Cost(source)),
             (format!("conf.{source}"), StoredColumn::Confidence(source)),
             (format!("against.{source}"), StoredColumn::Against(source)),
             (format!("backing.{source}"), StoredColumn::Backing(source)),
-        ]
+        ];
+        columns.into_iter().chain(model)
     };
     let sources: Vec<_> = options.sources.iter().flat_map(of_source).collect();
     let heights = HEIGHT_PARTS.iter().enumerate().flat_map(|(part, name)| {
@@ -353,6 +359,7 @@ impl StoredColumn {
             StoredColumn::Confidence(source) => evidence(map, source, place).confidence.into(),
             StoredColumn::Against(source) => evidence(map, source, place).against.into(),
             StoredColumn::Backing(source) => evidence(map, source, place).backing.into(),
+            StoredColumn::Model(source) => evidence(map, source, place).model.into(),
             StoredColumn::Ground(part) => height(&cell().ground, part),
             StoredColumn::Obstacle(part) => height(&cell().obstacle, part),
             StoredColumn::ElevationConfidence => cell().elevation_confidence.into(),
@@ -365,7 +372,8 @@ impl StoredColumn {
             | StoredColumn::Cost(source)
             | StoredColumn::Confidence(source)
             | StoredColumn::Against(source)
-            | StoredColumn::Backing(source) => source,
+            | StoredColumn::Backing(source)
+            | StoredColumn::Model(source) => source,
             of_ground => {
                 if let Some(cell) = map.grid_mut().tile_mut(tile).get_mut(at) {
                     of_ground.set_ground(cell, value);
@@ -379,6 +387,7 @@ impl StoredColumn {
             StoredColumn::Cost(_) => evidence.cost = value as u8,
             StoredColumn::Against(_) => evidence.against = value as u8,
             StoredColumn::Backing(_) => evidence.backing = value as u8,
+            StoredColumn::Model(_) => evidence.model = value as u8,
             _ => evidence.confidence = value as u8,
         }
     }

@@ -18,6 +18,7 @@
 //! | `cost.<source>`, `conf.<source>` | `UINT8` | 0–250, 255 unknown; 0–255 |
 //! | `against.<source>` | `UINT8` | the confidence of the other class |
 //! | `backing.<source>` | `UINT8` | how far experience backs the cost: 0–255 |
+//! | `model.<source>` | `UINT8` | the model by which the cell was judged last: its number from 1 in the source's message of models, 0 none; only of sources that learn |
 //! | `conf.elevation` | `UINT8` | confidence of the heights; only with heights |
 //!
 //! `<source>` stands for each source of the stack. The cell is padded to a multiple of 4 bytes.
@@ -181,8 +182,11 @@ fn write(mut data: &mut [u8], cell: &Cell, evidence: &[Evidence], fused: &Fused,
     }
     data.put_slice(&[fused.cost, fused.confidence, fused.label as u8, source_number(fused, options)]);
     data.put_u8(cell.obstacle_seen_from_dm);
-    for said in evidence {
+    for (said, source) in evidence.iter().zip(options.sources.iter()) {
         data.put_slice(&[said.cost, said.confidence, said.against, said.backing]);
+        if options.has_models(source) {
+            data.put_u8(said.model);
+        }
     }
     if options.heights {
         data.put_u8(cell.elevation_confidence);
@@ -211,8 +215,9 @@ impl Columns {
             let confidence = column(&format!("conf.{source}"), NumericType::Uint8)?;
             let against = column(&format!("against.{source}"), NumericType::Uint8)?;
             let backing = column(&format!("backing.{source}"), NumericType::Uint8)?;
+            let model = column(&format!("model.{source}"), NumericType::Uint8)?;
             let sequence = column(&format!("seq.{source}"), NumericType::Uint32)?;
-            evidence.push(EvidenceColumns { source, cost, confidence, against, backing, sequence });
+            evidence.push(EvidenceColumns { source, cost, confidence, against, backing, model, sequence });
         }
         let mut heights: [[Vec<f64>; 5]; 2] = Default::default();
         for (class, columns) in ["ground", "obstacle"].into_iter().zip(&mut heights) {
@@ -258,6 +263,7 @@ struct EvidenceColumns {
     confidence: Vec<f64>,
     against: Vec<f64>,
     backing: Vec<f64>,
+    model: Vec<f64>,
     sequence: Vec<f64>,
 }
 
@@ -270,6 +276,7 @@ impl EvidenceColumns {
             confidence,
             against: (number(&self.against, at, 0.0) as u8).min(confidence),
             backing: number(&self.backing, at, 0.0) as u8,
+            model: number(&self.model, at, 0.0) as u8,
             sequence: number(&self.sequence, at, 0.0) as u32,
         };
         (evidence.confidence > 0 && evidence.cost <= crate::MAX_COST).then_some(evidence)

@@ -50,7 +50,7 @@ pub use experience::{Experience, Fit, FitRules, Judged, Outcome, Samples, Weight
 pub use fusion::{Fused, SourceKind, Weighted, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
 pub use layout::MapGridError;
-pub use map::{CELL_SIZE_M, MAX_SIDE, Map, SIDE, WIDE_CELL_SIZE_M};
+pub use map::{CELL_SIZE_M, MAX_SIDE, Map, SIDE};
 pub use message::MapMessage;
 pub use options::MapOptions;
 pub use source::{Source, SourceNameError, Sources};

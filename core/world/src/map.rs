@@ -13,8 +13,6 @@ pub const SIDE: usize = 201;
 pub const MAX_SIDE: usize = 401;
 /// Cell size of WM1, and of the cost maps that it reads, m.
 pub const CELL_SIZE_M: f64 = 0.2;
-/// Cell size of WM2, m.
-pub const WIDE_CELL_SIZE_M: f64 = 0.6;
 
 /// A world-model map: a square of cells, north-up, the vehicle in the middle cell. WM1 has 201×201 cells of 0.2 m (about
 /// 40 m across); WM2 of the papers has as many of 0.6 m (about 120 m).
@@ -177,7 +175,7 @@ impl Map {
     /// Replaces the evidence of a source within a window by its own statement: that of the listed cells, and none in the
     /// other cells of the window. What it said outside of it stays: a source whose map moves with the vehicle says no more
     /// of what it has left. Cells outside of the map are left out. Cells whose evidence stays the same but for its sequence
-    /// are not written.
+    /// are not written. One that only another model states is not touched: nothing else of it has changed.
     pub fn state(&mut self, source: Source, window: CellRect, cells: &[(CellIndex, Evidence)], time: Stamp) {
         let bounds = self.grid.bounds();
         let slot = |index: CellIndex| {
@@ -193,10 +191,14 @@ impl Map {
         let mut changed = Vec::new();
         for (index, now) in bounds.iter().zip(stated).filter(|(index, _)| window.contains(*index)) {
             let held = layer.get(index).copied().unwrap_or_default();
-            if (Evidence { sequence: held.sequence, ..now }) != held
-                && let Some(evidence) = layer.get_mut(index)
-            {
+            let same_but_model = (Evidence { sequence: held.sequence, model: held.model, ..now }) == held;
+            if same_but_model && now.model == held.model {
+                continue;
+            }
+            if let Some(evidence) = layer.get_mut(index) {
                 *evidence = now;
+            }
+            if !same_but_model {
                 changed.push(index);
             }
         }

@@ -1,6 +1,6 @@
 //! Options of a map's message.
 
-use crate::{Sources, Weights};
+use crate::{Source, SourceKind, Sources, Weights};
 
 /// What the message of a map contains.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,4 +11,11 @@ pub struct MapOptions {
     pub heights: bool,
     /// Weights of the fused fields.
     pub weights: Weights,
+}
+
+impl MapOptions {
+    /// Whether the message says by which model a source judged: of sources that learn.
+    pub(crate) fn has_models(&self, source: Source) -> bool {
+        self.weights.get(source).kind == SourceKind::Learned
+    }
 }

@@ -27,6 +27,7 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_world_model::MapMemoryKeeper>(),
         ProcessType::of::<rcs_obstacles::Obstacles>(),
         ProcessType::of::<rcs_planner::AStarPlanner>(),
+        ProcessType::of::<rcs_world_model::Prediction>(),
         ProcessType::of::<rcs_proximity::Proximity>(),
         ProcessType::of::<rcs_sim::SimCameras>(),
         ProcessType::of::<rcs_sim::SimLadar>(),

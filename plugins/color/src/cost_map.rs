@@ -11,7 +11,6 @@
 //! the known obstacle.
 
 use crate::engine::Known;
-use crate::gate::plane_height;
 use crate::hidden::Screens;
 use crate::image::{HEIGHT, WIDTH};
 use crate::posts::{View, joined, posts};
@@ -22,7 +21,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
 use rcs_msg::foxglove::PackedElementField;
 use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_sense::{CostGrid, GridFrame, cost_field};
+use rcs_sense::{CostGrid, GridFrame, cost_field, plane_height};
 use rcs_world::{MAX_COST, OBSTACLE_COST, SIDE, Source, UNKNOWN_COST};
 use std::borrow::Cow;
 
@@ -47,6 +46,8 @@ pub struct CostMap {
     costs: CostGrid,
     /// How far a priori models back the cost of each cell, 0 to 255.
     backings: Vec<u8>,
+    /// The model that has most of the colour of the nearest pixel of each cell, or that of a known obstacle; 0 for none.
+    models: Vec<u8>,
 }
 
 /// Known obstacles in the image, and what may hide them.
@@ -64,20 +65,26 @@ pub struct Standing<'a> {
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
     costs: Cow<'a, [u8]>,
+    models: &'a [u8],
     place: CameraPlacement<'a>,
-    /// Points where the rays of pixels with a cost meet the plane, m in the local frame, that cost, and its backing.
-    points: Vec<(DVec2, u8, u8)>,
+    points: Vec<Point>,
+}
+
+/// Where the ray of a pixel with a cost meets the plane.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    /// m in the local frame.
+    at: DVec2,
+    cost: u8,
+    backing: u8,
+    model: u8,
 }
 
 impl<'a> Ground<'a> {
-    /// Projects the costs of the reduced image.
-    pub fn new(costs: &'a [u8], place: CameraPlacement<'a>) -> Ground<'a> {
-        Ground::with_known(costs, None, place)
-    }
-
-    /// The same with known obstacles.
-    pub fn with_known(
+    /// Projects the costs of the reduced image, with the model of each pixel, and with known obstacles.
+    pub fn new(
         costs: &'a [u8],
+        models: &'a [u8],
         known: Option<&Standing<'_>>,
         place: CameraPlacement<'a>,
     ) -> Ground<'a> {
@@ -92,7 +99,7 @@ impl<'a> Ground<'a> {
             let slope =
                 |ray: &DVec3| -ray.dot(up_in_camera) / ray.reject_from_normalized(up_in_camera).length();
             let slopes: Vec<f64> = place.rays.iter().map(slope).collect();
-            let Known { pure, blended, posts: of_posts } = known;
+            let Known { pure, blended, posts: of_posts, .. } = known;
             let pixels = Pixels { pure, blended, posts: of_posts, slopes: &slopes };
             let view = View { rays: place.rays, up: up_in_camera, above_m };
             let place = |column: usize, foot: &Foot| camera + turn * view.place(foot.row, column);
@@ -137,10 +144,13 @@ impl<'a> Ground<'a> {
             if cost != UNKNOWN_COST && above_m > 0.0 && down > 0.0 {
                 let foot = feet.get(at % WIDTH).copied().flatten().filter(|foot| foot.row == at / WIDTH);
                 let backing = foot.map_or(0, |foot| foot.backing);
-                points.push(((camera + turn * ray * (above_m / down)).truncate(), cost, backing));
+                let of_known = known.map(|known| known.known.model).filter(|_| backing > 0);
+                let model = of_known.unwrap_or_else(|| models.get(at).copied().unwrap_or(0));
+                let at = (camera + turn * ray * (above_m / down)).truncate();
+                points.push(Point { at, cost, backing, model });
             }
         }
-        Ground { costs, place, points }
+        Ground { costs, models, place, points }
     }
 }
 
@@ -159,23 +169,26 @@ impl CostMap {
     pub fn new(ground: &Ground<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
         let vehicle = ground.place.local_from_vehicle.translation.truncate();
         let costs = CostGrid::new(GridFrame::around(vehicle, SIDE, cell_size_m));
-        let mut map = CostMap { costs, backings: vec![0; SIDE * SIDE] };
+        let mut map = CostMap { costs, backings: vec![0; SIDE * SIDE], models: vec![0; SIDE * SIDE] };
         map.vote(&ground.points, vehicle, max_range_m);
-        map.fill(&ground.costs, &ground.place, max_range_m);
+        map.fill(ground, max_range_m);
         map
     }
 
     /// Averages the pixels in each cell; a pixel of a known obstacle decides by itself.
-    fn vote(&mut self, points: &[(DVec2, u8, u8)], vehicle: DVec2, max_range_m: f64) {
+    fn vote(&mut self, points: &[Point], vehicle: DVec2, max_range_m: f64) {
         let mut sums = vec![(0_u32, 0_u32); SIDE * SIDE];
-        for &(point, cost, backing) in points {
-            if point.distance_squared(vehicle) > max_range_m * max_range_m {
+        for &Point { at, cost, backing, model } in points {
+            if at.distance_squared(vehicle) > max_range_m * max_range_m {
                 continue;
             }
-            if let Some(index) = self.costs.slot(point) {
+            if let Some(index) = self.costs.slot(at) {
                 sums[index].0 += u32::from(cost);
                 sums[index].1 += 1;
-                self.backings[index] = self.backings[index].max(backing);
+                // Rows come from the top, so the last pixel is the nearest one.
+                if backing >= self.backings[index] {
+                    (self.backings[index], self.models[index]) = (backing, model);
+                }
             }
         }
         let cells = self.costs.costs_mut().iter_mut().zip(&self.backings);
@@ -187,7 +200,8 @@ impl CostMap {
     }
 
     /// Fills cells without a pixel of their own with the cost of the pixel that sees their centre.
-    fn fill(&mut self, costs: &[u8], place: &CameraPlacement<'_>, max_range_m: f64) {
+    fn fill(&mut self, ground: &Ground<'_>, max_range_m: f64) {
+        let place = &ground.place;
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
         let camera_from_local = local_from_camera.inverse();
         let (turn, shift) = (camera_from_local.rotation_matrix(), camera_from_local.translation);
@@ -199,7 +213,8 @@ impl CostMap {
         let side = middle.saturating_sub(reach)..(middle + reach + 1).min(SIDE);
         for row in side.clone() {
             for column in side.clone() {
-                let cell = &mut self.costs.costs_mut()[row * SIDE + column];
+                let slot = row * SIDE + column;
+                let cell = &mut self.costs.costs_mut()[slot];
                 let point = frame.middle(column, row);
                 if *cell != UNKNOWN_COST || point.distance_squared(vehicle) > max_range_m * max_range_m {
                     continue;
@@ -212,7 +227,8 @@ impl CostMap {
                     };
                     let (u, v) =
                         (of(pixel.x, WIDTH, place.camera.width), of(pixel.y, HEIGHT, place.camera.height));
-                    *cell = costs[v * WIDTH + u];
+                    *cell = ground.costs[v * WIDTH + u];
+                    self.models[slot] = ground.models.get(v * WIDTH + u).copied().unwrap_or(0);
                 }
             }
         }
@@ -228,18 +244,20 @@ impl CostMap {
         [0, OBSTACLE_COST].map(|from| self.costs.count_from(from) as u32)
     }
 
-    /// Converts to a message with the fields `cost.color` (u8, 0 to 250, 255 unknown) and `backing.color` (u8).
+    /// Converts to a message with the fields `cost.color` (u8, 0 to 250, 255 unknown), `backing.color` and `model.color`
+    /// (u8).
     pub fn into_grid(self, frame_id: &str, time: Stamp) -> Grid {
         let field = |(offset, name): (u32, String)| PackedElementField {
             name,
             offset,
             r#type: NumericType::Uint8.into(),
         };
-        let fields =
-            (0..).zip([cost_field(Source::COLOR), format!("backing.{}", Source::COLOR)]).map(field).collect();
-        let cells = self.costs.costs().iter().zip(&self.backings);
-        let data = cells.flat_map(|(&cost, &backing)| [cost, backing]).collect();
-        self.costs.frame().message(frame_id, time, fields, 2, data)
+        let color = Source::COLOR;
+        let names = [cost_field(color), format!("backing.{color}"), format!("model.{color}")];
+        let fields = (0..).zip(names).map(field).collect();
+        let cells = self.costs.costs().iter().zip(&self.backings).zip(&self.models);
+        let data = cells.flat_map(|((&cost, &backing), &model)| [cost, backing, model]).collect();
+        self.costs.frame().message(frame_id, time, fields, 3, data)
     }
 }
 
@@ -291,10 +309,11 @@ mod tests {
             local_from_vehicle: &local_from_vehicle,
             below_m: 0.0,
         };
-        let known = Known { blended: known.clone(), posts: vec![0; PIXELS], pure: known };
+        let known = Known { blended: known.clone(), posts: vec![0; PIXELS], pure: known, model: 9 };
         let shape = Shape { height_m: 0.95, least_share: 0.6, span_m: 2.5 };
         let known = Standing { known: &known, shape, screens };
-        CostMap::new(&Ground::with_known(&costs, Some(&known), place), 0.2, 10.0)
+        let models: Vec<u8> = costs.iter().map(|&cost| if cost < 100 { 1 } else { 2 }).collect();
+        CostMap::new(&Ground::new(&costs, &models, Some(&known), place), 0.2, 10.0)
     }
 
     #[test]
@@ -319,11 +338,11 @@ mod tests {
         let map = check_known(Pose::IDENTITY, |_| 40, is_fence, None);
         let at = |x: f64, y: f64| {
             let slot = map.costs.slot(DVec2::new(x, y)).unwrap();
-            (map.costs.costs()[slot], map.backings[slot])
+            (map.costs.costs()[slot], map.backings[slot], map.models[slot])
         };
-        assert_eq!([at(4.1, 0.1), at(4.1, -0.5)], [(250, 200); 2]);
-        assert_eq!([at(3.5, 0.1), at(4.1, 1.7)], [(40, 0); 2]);
-        assert_eq!([at(5.3, 0.1), at(8.0, 0.1)], [(255, 0); 2]);
+        assert_eq!([at(4.1, 0.1), at(4.1, -0.5)], [(250, 200, 9); 2]);
+        assert_eq!([at(3.5, 0.1), at(4.1, 1.7)], [(40, 0, 1); 2]);
+        assert_eq!([at(5.3, 0.1), at(8.0, 0.1)].map(|(cost, backing, _)| (cost, backing)), [(255, 0); 2]);
     }
 
     #[test]

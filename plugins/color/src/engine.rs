@@ -65,6 +65,8 @@ pub struct Samples<'a> {
 pub struct Seen {
     /// Costs of the 128×96 image in row order, 255 for unclassified pixels; `None` while there is no ground model.
     pub costs: Option<Vec<u8>>,
+    /// The model that has most of the colour of each pixel, see [`Models::numbers`]; empty while there is no ground model.
+    pub models: Vec<u8>,
     /// Which of these pixels show a known obstacle; `None` without models of known obstacles.
     pub known: Option<Known>,
     /// Number of pixels by class; all 0 where `costs` is `None`.
@@ -86,6 +88,8 @@ pub struct Known {
     pub blended: Vec<u8>,
     /// By this colour or a blend that the posts of a fence have ([`crate::posts`]).
     pub posts: Vec<u8>,
+    /// The number of its model, see [`Models::numbers`]; of several, the first.
+    pub model: u8,
 }
 
 impl Engine {
@@ -112,6 +116,7 @@ impl Engine {
         let sample_pixels = samples.ground.iter().map(Span::pixels).sum();
         let mut seen = Seen {
             costs: None,
+            models: Vec::new(),
             known: None,
             counts: Counts::default(),
             sample_pixels,
@@ -145,6 +150,8 @@ impl Engine {
             }
         }
         if !self.models.ground.is_empty() {
+            let of = |table: &[u8]| reduced.iter().map(|&[red, green]| table[bin(red, green)]).collect();
+            seen.models = of(&self.models.numbers());
             let costs = self.fused.take(&reduced, &self.models.probabilities(), settings.fusion_frames);
             if !self.models.obstacles.is_empty() {
                 let is_old = |at: Stamp| time.0.abs_diff(at.0) >= BLEND_PERIOD_NS;
@@ -155,9 +162,12 @@ impl Engine {
                     self.posts = blended(posts::LEAST_COVER, &mesh::FULL_LIGHT);
                     self.blended_at = Some(time);
                 }
-                let of = |table: &[u8]| reduced.iter().map(|&[red, green]| table[bin(red, green)]).collect();
-                let pure = of(&self.models.known_obstacles());
-                seen.known = Some(Known { pure, blended: of(&self.blended), posts: of(&self.posts) });
+                seen.known = Some(Known {
+                    pure: of(&self.models.known_obstacles()),
+                    blended: of(&self.blended),
+                    posts: of(&self.posts),
+                    model: self.models.first_obstacle(),
+                });
             }
             seen.counts = count(&costs);
             seen.costs = Some(costs);

@@ -8,11 +8,11 @@
 
 use crate::histogram::Span;
 use crate::region::{Rectangle, contains};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
-use rcs_sense::MIN_UPRIGHT;
-use rcs_world::{Field, GridView, Label, MAX_COST};
+use rcs_sense::{Standing, is_obstacle, plane_height};
+use rcs_world::{Field, GridView};
 use serde::{Deserialize, Serialize};
 
 /// Motion of the vehicle.
@@ -78,15 +78,11 @@ pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
     let solid: Vec<Field<'_>> = SOLID.iter().filter_map(|name| map.field(name).ok()).collect();
     let fields = if solid.is_empty() { map.field("cost").into_iter().collect() } else { solid };
     let fused = map.field("cost").ok();
-    let is_obstacle = |column: usize, row: usize| {
-        let is = |field: &Field<'_>| is_obstacle_of(field, column, row);
+    let blocks = |column: usize, row: usize| {
+        let is = |field: &Field<'_>| is_obstacle(field, column, row);
         fields.iter().any(is) && fused.as_ref().is_none_or(is)
     };
-    let ground = map.field("ground.mean").ok();
-    let top = map.field("obstacle.max").ok();
-    let height = |field: &Option<Field<'_>>, column, row| {
-        field.as_ref().and_then(|field| field.get(column, row)).filter(|z| z.is_finite())
-    };
+    let standing = Standing::of(map);
     let vehicle_from_local = view.local_from_vehicle.inverse();
     let camera_from_vehicle = view.vehicle_from_camera.inverse();
     let near = |p: DVec3| {
@@ -94,20 +90,18 @@ pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
         p.y.abs() <= 0.5 * r.width_m + BEYOND_M
             && (-BEYOND_M..=r.ahead_m + r.length_m + BEYOND_M).contains(&p.x)
     };
-    let (size, origin) = (map.cell_size_m(), map.frame_from_grid());
     let plane = plane_height(view.local_from_vehicle, view.rectangle.below_m);
-    let [columns, rows] = window(map, view);
+    let reach_m = view.rectangle.ahead_m + view.rectangle.length_m + view.rectangle.width_m + 2.0 * BEYOND_M;
+    let [columns, rows] = standing.around(view.local_from_vehicle.translation, reach_m);
     for row in rows {
         for column in columns.clone() {
-            let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) * size;
-            let place = (origin * DVec3::new(middle.x, middle.y, 0.0)).truncate();
+            let place = standing.middle(column, row);
             // The height of the plane suffices to discard distant cells before any field is read.
             let Some(plane_z) = plane(place) else { continue };
-            if !near(vehicle_from_local * place.extend(plane_z)) || !is_obstacle(column, row) {
+            if !near(vehicle_from_local * place.extend(plane_z)) || !blocks(column, row) {
                 continue;
             }
-            let foot = height(&ground, column, row).unwrap_or(plane_z);
-            let head = height(&top, column, row).unwrap_or(foot).max(foot);
+            let [foot, head] = standing.ends_m(column, row, plane_z);
             let inside = (0..PARTS).any(|part| {
                 let z = foot + (head - foot) * part as f64 / (PARTS - 1) as f64;
                 let point = camera_from_vehicle * (vehicle_from_local * place.extend(z));
@@ -121,40 +115,11 @@ pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
     false
 }
 
-/// Whether a field of costs has an obstacle in a cell.
-pub(crate) fn is_obstacle_of(field: &Field<'_>, column: usize, row: usize) -> bool {
-    let cost = field.get(column, row).filter(|&cost| cost <= f64::from(MAX_COST));
-    cost.is_some_and(|cost| Label::of_cost(cost as u8) == Label::Obstacle)
-}
-
-/// Columns and rows of a map that may be near the rectangle.
-fn window(map: &GridView<'_>, view: &SampleView<'_>) -> [std::ops::Range<usize>; 2] {
-    let rectangle = view.rectangle;
-    let reach_m = rectangle.ahead_m + rectangle.length_m + rectangle.width_m + 2.0 * BEYOND_M;
-    let vehicle = map.frame_from_grid().inverse() * view.local_from_vehicle.translation;
-    let range = |at: f64, size: f64, cells: usize| {
-        let end = |v: f64| (v / size).clamp(0.0, cells as f64) as usize;
-        end((at - reach_m).floor())..end((at + reach_m).ceil())
-    };
-    let size = map.cell_size_m();
-    [range(vehicle.x, size.x, map.columns()), range(vehicle.y, size.y, map.rows())]
-}
-
-/// Returns a function that gives the height of the vehicle's ground plane at a position of the local frame, m; `None`
-/// where the vehicle lies on its side.
-pub(crate) fn plane_height(local_from_vehicle: &Pose, below_m: f64) -> impl Fn(DVec2) -> Option<f64> + use<> {
-    let up = local_from_vehicle.rotate(DVec3::Z);
-    let origin = local_from_vehicle.translation - up * below_m;
-    move |place| {
-        let offset = place - origin.truncate();
-        (up.z > MIN_UPRIGHT).then(|| origin.z - (offset.x * up.x + offset.y * up.y) / up.z)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::region::spans;
+    use glam::DVec2;
     use rcs_geom::Distortion;
     use rcs_msg::foxglove::Grid;
     use rcs_world::{HeightStats, Map, MapOptions, Source, Sources, VoteRule, Weights};

@@ -12,9 +12,10 @@
 //! Near the camera, a known obstacle is seen by its shape, too, even a mesh whose holes show the ground behind it; soil is not.
 //! So the near feet do not count where almost none of them has an obstacle by shape beside it.
 
-use crate::gate::{SOLID, is_obstacle_of};
+use crate::gate::SOLID;
 use glam::DVec3;
 use rcs_geom::Pose;
+use rcs_sense::is_obstacle;
 use rcs_world::{Field, GridView};
 
 /// A foot is placed with an error that increases with its distance, and so is what hides it: up to this distance, m, and
@@ -121,7 +122,7 @@ impl<'a> Screens<'a> {
         for (x, y) in square(cells) {
             let beside = foot + DVec3::new(x as f64, y as f64, 0.0) * self.cell_size_m;
             let Some((column, row)) = self.cell_of(beside) else { continue };
-            if self.solid.iter().any(|field| is_obstacle_of(field, column, row)) {
+            if self.solid.iter().any(|field| is_obstacle(field, column, row)) {
                 return Some(true);
             }
             let ground = self.ground.as_ref().and_then(|ground| ground.get(column, row));
@@ -133,7 +134,7 @@ impl<'a> Screens<'a> {
     /// Whether the obstacle in the cell of a point is as high as the point.
     fn reaches(&self, point: DVec3) -> bool {
         self.cell_of(point).is_some_and(|(column, row)| {
-            self.solid.iter().any(|field| is_obstacle_of(field, column, row))
+            self.solid.iter().any(|field| is_obstacle(field, column, row))
                 && self.top.get(column, row).is_some_and(|top| top.is_finite() && top >= point.z)
         })
     }

@@ -15,7 +15,6 @@
 //! | `probability` | out | `foxglove.RawImage` | cost 250(1 - P) of the 128x96 image, 255 unclassified |
 //! | `sample` | out | `foxglove.ImageAnnotations` | outline of the ground sample, pixels of the image |
 //! | `cost` | out | `foxglove.Grid` | cost of 201x201 cells of 0.2 m around the vehicle, and its backing by known obstacles, local frame |
-//! | `cost_wide` | out | `foxglove.Grid` | cost of 201x201 cells of 0.6 m around the vehicle, local frame |
 //! | `models` | out | `rcs.ColorModels` | the models, once a second and after each new one |
 //! | `stats` | out | `rcs.ColorStats` | pixels by class, models, learning |
 //!

@@ -279,6 +279,29 @@ impl Models {
         std::iter::zip(blend, ground).map(likelihood).collect()
     }
 
+    /// The model that has most of a colour, for each bin: its number from 1 in the message of models; 0 where none has it.
+    /// Of equal ones the first.
+    pub fn numbers(&self) -> Vec<u8> {
+        let mut most = vec![0.0_f32; CELLS];
+        let mut numbers = vec![0; CELLS];
+        let models = self.ground.iter().chain(&self.background).chain(&self.obstacles);
+        for (number, model) in models.enumerate() {
+            let number = u8::try_from(number + 1).unwrap_or(0);
+            for ((most, slot), &count) in most.iter_mut().zip(&mut numbers).zip(model.histogram.counts()) {
+                if count > *most {
+                    (*most, *slot) = (count, number);
+                }
+            }
+        }
+        numbers
+    }
+
+    /// Number of the first known obstacle in the message of models, from 1.
+    pub fn first_obstacle(&self) -> u8 {
+        let before = self.ground.len() + usize::from(self.background.is_some());
+        u8::try_from(before + 1).unwrap_or(0)
+    }
+
     /// `P_ground = N_g / (N_g + N_b)` of each bin, the maximum over the ground models; NaN for 0/0 (unclassified).
     /// `N_b` is the sum of the counts of the background and of known obstacles.
     pub fn probabilities(&self) -> Vec<f32> {

@@ -14,10 +14,10 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::points_annotation::Type;
 use rcs_msg::foxglove::{Color, ImageAnnotations, Point2, PointsAnnotation, RawImage};
 use rcs_runtime::{Cycle, Msg};
-use rcs_sense::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
+use rcs_sense::CELL_SIZE_M;
 
-/// Sends the overlay and both maps; obstacles of the world model hide what stands behind them. Returns the number of
-/// cells of the first map with a cost, and of obstacle cells.
+/// Sends the overlay and the cost map; obstacles of the world model hide what stands behind them. Returns the number of
+/// cells with a cost, and of obstacle cells.
 pub(crate) fn send_costs(
     seen: &Seen,
     place: &CameraPlacement<'_>,
@@ -35,12 +35,10 @@ pub(crate) fn send_costs(
         span_m: params.known_span_m,
     };
     let known = seen.known.as_ref().map(|known| Standing { known, shape, screens });
-    let ground = Ground::with_known(costs, known.as_ref(), *place);
+    let ground = Ground::new(costs, &seen.models, known.as_ref(), *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
     cx.write(&ports.cost, time, map.into_grid(extrinsics(params).frames.local, time));
-    let wide = CostMap::new(&ground, WIDE_CELL_SIZE_M, params.max_range_wide_m);
-    cx.write(&ports.cost_wide, time, wide.into_grid(extrinsics(params).frames.local, time));
     let overlay = RawImage {
         timestamp: Some(time.to_proto()),
         frame_id: image.frame_id.clone(),

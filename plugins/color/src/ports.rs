@@ -15,7 +15,6 @@ pub struct Ports {
     pub(crate) probability: Out<RawImage>,
     pub(crate) sample: Out<ImageAnnotations>,
     pub(crate) cost: Out<Grid>,
-    pub(crate) cost_wide: Out<Grid>,
     pub(crate) models: Out<ColorModels>,
     pub(crate) stats: Out<ColorStats>,
 }

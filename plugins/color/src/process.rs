@@ -112,11 +112,6 @@ impl Process for ColorModelLearner {
                 .role(Role::Cost)
                 .palette("cost")
                 .build(),
-            cost_wide: b
-                .output("cost_wide", "cost of 201x201 cells of 0.6 m around the vehicle, local frame")
-                .role(Role::Cost)
-                .palette("cost")
-                .build(),
             models: b
                 .output("models", "the models, once a second and after each new one")
                 .role(Role::Models)

@@ -12,7 +12,6 @@
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `classes` | out | `foxglove.RawImage` | class of each pixel: 0 not known, 1 traversable, 2 not |
 //! | `cost` | out | `foxglove.Grid` | 201x201 cells of 0.2 m: field cost.classifier, local frame |
-//! | `cost_wide` | out | `foxglove.Grid` | 201x201 cells of 0.6 m: field cost.classifier, local frame |
 //! | `stats` | out | `rcs.ClassifierStats` | windows by class, cells with a cost |
 //!
 //! Period 200 ms (5 Hz, Albus 2006b, 3.4). No commands besides those of the runtime. State: the poses of the last
@@ -38,12 +37,10 @@ use crate::unusable::{Unusable, depths};
 use rcs_geom::PinholeCamera;
 use rcs_msg::Stamp;
 use rcs_msg::classes::TRAVERSABLE_CLASSES;
-use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
+use rcs_msg::foxglove::packed_element_field::NumericType;
+use rcs_msg::foxglove::{CameraCalibration, Grid, PackedElementField, RawImage};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{
-    Axes, CELL_SIZE_M, CostGrid, Extrinsics, GridFrame, ImageCheck, Localizer, PosePorts, WIDE_CELL_SIZE_M,
-    camera_of,
-};
+use rcs_sense::{Axes, CELL_SIZE_M, Extrinsics, GridFrame, ImageCheck, Localizer, PosePorts, camera_of};
 use rcs_world::{SIDE, Source};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -90,7 +87,6 @@ pub struct Ports {
     poses: PosePorts,
     classes: Out<RawImage>,
     cost: Out<Grid>,
-    cost_wide: Out<Grid>,
     stats: Out<ClassifierStats>,
 }
 
@@ -132,11 +128,6 @@ impl Process for Classifier {
                 .build(),
             cost: b
                 .output("cost", "201x201 cells of 0.2 m: field cost.classifier, local frame")
-                .role(Role::Cost)
-                .palette("cost")
-                .build(),
-            cost_wide: b
-                .output("cost_wide", "201x201 cells of 0.6 m: field cost.classifier, local frame")
                 .role(Role::Cost)
                 .palette("cost")
                 .build(),
@@ -299,10 +290,9 @@ impl Classifier {
         });
         let classes = rows.concat();
         let windows = Windows { grid: &grid, classes: &classes, stereo_end };
-        let near = Scale { cell_size_m: CELL_SIZE_M, max_range_m: params.max_range_m };
-        let wide = Scale { cell_size_m: WIDE_CELL_SIZE_M, max_range_m: params.max_range_wide_m };
-        let [near, wide] = [near, wide].map(|scale| place(&view, &windows, scale));
-        cx.write(&ports.stats, time, stats(time, &classes, &matcher, stereo_end.is_some(), [&near, &wide]));
+        let scale = Scale { cell_size_m: CELL_SIZE_M, max_range_m: params.max_range_m };
+        let placed = place(&view, &windows, scale);
+        cx.write(&ports.stats, time, stats(time, &classes, &matcher, stereo_end.is_some(), &placed));
         let overlay = RawImage {
             timestamp: Some(time.to_proto()),
             encoding: "mono8".to_owned(),
@@ -311,19 +301,23 @@ impl Classifier {
             ..image
         };
         cx.write(&ports.classes, time, overlay);
-        for (port, placed, size_m) in
-            [(&ports.cost, near, CELL_SIZE_M), (&ports.cost_wide, wide, WIDE_CELL_SIZE_M)]
-        {
-            let frame = GridFrame { south_west: placed.south_west, side: SIDE, cell_size_m: size_m };
-            let local = extrinsics.frames.local;
-            let grid = CostGrid::of(frame, placed.costs);
-            let message = grid.map(|grid| grid.into_message(Source::CLASSIFIER, local, time));
-            if let Some(message) = message {
-                cx.write(port, time, message);
-            }
-        }
+        cx.write(&ports.cost, time, message_of(&placed, extrinsics.frames.local, time));
         Ok(())
     }
+}
+
+/// The costs, and the models that say so, as a message.
+fn message_of(placed: &Placed, frame_id: &str, time: Stamp) -> Grid {
+    let frame = GridFrame { south_west: placed.south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
+    let field = |(offset, name): (u32, &str)| PackedElementField {
+        name: format!("{name}.{}", Source::CLASSIFIER),
+        offset,
+        r#type: NumericType::Uint8.into(),
+    };
+    let fields = (0..).zip(["cost", "model"]).map(field).collect();
+    let cells = placed.costs.iter().zip(&placed.models);
+    let data = cells.flat_map(|(&cost, &model)| [cost, model]).collect();
+    frame.message(frame_id, time, fields, 2, data)
 }
 
 /// How the poses of vehicle and camera are found.
@@ -346,7 +340,7 @@ fn stats(
     classes: &[Class],
     matcher: &Matcher,
     with_stereo: bool,
-    [near, wide]: [&Placed; 2],
+    placed: &Placed,
 ) -> ClassifierStats {
     let count = |is: fn(&Class) -> bool| classes.iter().filter(|class| is(class)).count() as u64;
     ClassifierStats {
@@ -357,7 +351,6 @@ fn stats(
         skipped: count(|class| *class == Class::Skipped),
         models: matcher.models() as u64,
         with_stereo,
-        cells: near.cells(),
-        cells_wide: wide.cells(),
+        cells: placed.cells(),
     }
 }

@@ -5,7 +5,7 @@
 //! its obstacle fraction; otherwise the window is unclassified.
 
 use crate::appearance::{Histograms, MatchWeights, PixelCodes, RatioBins, Signature};
-use crate::models::ModelSet;
+use crate::models::{Model, ModelSet};
 use crate::texture::PaddedGrey;
 use rcs_world::MAX_COST;
 
@@ -53,10 +53,19 @@ pub enum Class {
     Skipped,
     /// No model is near enough.
     Unclassified,
-    /// Traversable, with its cost.
-    Traversable(u8),
-    /// Not traversable, with its cost.
-    NotTraversable(u8),
+    /// Traversable.
+    Traversable(Match),
+    /// Not traversable.
+    NotTraversable(Match),
+}
+
+/// The model that a window is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Match {
+    /// Its cost, 0 to 250.
+    pub cost: u8,
+    /// Its number from 1 in the message of models.
+    pub model: u8,
 }
 
 impl Class {
@@ -74,8 +83,8 @@ impl Class {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matcher {
     signatures: Vec<Signature>,
-    /// Cost of each model, 0 to 250.
-    costs: Vec<u8>,
+    /// Cost and number of each model.
+    matches: Vec<Match>,
     weights: MatchWeights,
     /// Maximum distance of a match.
     max_distance: f32,
@@ -93,34 +102,35 @@ impl Matcher {
         min_points: u64,
         obstacle_fraction: f64,
     ) -> Matcher {
-        let used = |model: &&crate::models::Model| model.terrain.histograms.points() >= min_points;
+        let used = |(_, model): &(usize, &Model)| model.terrain.histograms.points() >= min_points;
         let cost = |fraction: f64| (f64::from(MAX_COST) * fraction).round() as u8;
-        let (mut signatures, mut costs) = (Vec::new(), Vec::new());
-        for model in set.models.iter().filter(used) {
+        let (mut signatures, mut matches) = (Vec::new(), Vec::new());
+        for (number, model) in set.models.iter().enumerate().filter(used) {
             // Always true: a model comes from a cell with points.
             if let Some(fraction) = model.obstacle_fraction() {
                 signatures.push(weights.signature(&model.terrain.histograms));
-                costs.push(cost(fraction));
+                let model = u8::try_from(number + 1).unwrap_or(0);
+                matches.push(Match { cost: cost(fraction), model });
             }
         }
         let obstacle_cost = cost(obstacle_fraction.clamp(0.0, 1.0));
-        Matcher { signatures, costs, weights, max_distance, obstacle_cost }
+        Matcher { signatures, matches, weights, max_distance, obstacle_cost }
     }
 
     /// Number of models.
     pub fn models(&self) -> usize {
-        self.costs.len()
+        self.matches.len()
     }
 
     /// Class of an appearance.
     pub fn class(&self, histograms: &Histograms) -> Class {
         match self.weights.signature(histograms).best(&self.signatures) {
             Some((best, distance)) if distance <= self.max_distance => {
-                let cost = self.costs[best];
-                if cost >= self.obstacle_cost {
-                    Class::NotTraversable(cost)
+                let like = self.matches[best];
+                if like.cost >= self.obstacle_cost {
+                    Class::NotTraversable(like)
                 } else {
-                    Class::Traversable(cost)
+                    Class::Traversable(like)
                 }
             }
             _ => Class::Unclassified,

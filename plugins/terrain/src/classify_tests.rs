@@ -80,13 +80,14 @@ fn reference_class(
         }
         sum
     };
-    let best = set.models.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+    let numbered = set.models.iter().enumerate();
+    let (number, best) = numbered.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).unwrap();
     let fraction = best.obstacle_fraction().unwrap();
-    let cost = (fraction * 250.0).round() as u8;
+    let like = Match { cost: (fraction * 250.0).round() as u8, model: number as u8 + 1 };
     match distance(best) {
         far if far > max => Class::Unclassified,
-        _ if fraction >= 0.5 => Class::NotTraversable(cost),
-        _ => Class::Traversable(cost),
+        _ if fraction >= 0.5 => Class::NotTraversable(like),
+        _ => Class::Traversable(like),
     }
 }
 
@@ -149,8 +150,8 @@ fn two_textures_are_told_apart_and_the_sky_is_neither() {
             let class = classes[row * grid.columns() + column];
             match (corners, class) {
                 ([0, 0, 0, 0], class) => sky += usize::from(class != Class::Unclassified),
-                ([1, 1, 1, 1], Class::Traversable(cost)) => right += usize::from(cost < 10),
-                ([2, 2, 2, 2], Class::NotTraversable(cost)) => right += usize::from(cost > 240),
+                ([1, 1, 1, 1], Class::Traversable(like)) => right += usize::from(like.cost < 10),
+                ([2, 2, 2, 2], Class::NotTraversable(like)) => right += usize::from(like.cost > 240),
                 ([a, b, c, d], class) if a == b && b == c && c == d => {
                     wrong += usize::from(class != Class::Unclassified);
                     open += usize::from(class == Class::Unclassified);

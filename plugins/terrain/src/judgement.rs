@@ -9,6 +9,8 @@ pub struct Judgement {
     pub confidence: u8,
     /// How far experience backs it, 0 to 255.
     pub backing: u8,
+    /// The model by which it was judged: its number from 1 in the message of models; 0 where none was.
+    pub model: u8,
 }
 
 /// Confidence of a judgement on a cell with enough points: that of a sensor which is sure of ground, so that the weight

@@ -414,13 +414,13 @@ fn maps(params: &TerrainLearnerParams) -> Vec<TerrainMap> {
 /// A statement of everything that is known, for the world model. Of several maps, which have the same window, the one
 /// that is surer of a cell counts; of equal ones, the higher cost.
 fn statement(maps: &[Known], local: &str, time: Stamp) -> Grid {
-    let mut data = [UNKNOWN_COST, 0, 0].repeat(SIDE * SIDE);
+    let mut data = [UNKNOWN_COST, 0, 0, 0].repeat(SIDE * SIDE);
     let south_west = maps.first().map_or(CellIndex::new(0, 0), |map| map.south_west);
     for map in maps.iter().filter(|map| map.south_west == south_west) {
-        for (cell, judgement) in data.chunks_exact_mut(3).zip(&map.cells) {
-            let Some(Judgement { cost, confidence, backing }) = *judgement else { continue };
+        for (cell, judgement) in data.chunks_exact_mut(4).zip(&map.cells) {
+            let Some(Judgement { cost, confidence, backing, model }) = *judgement else { continue };
             if (confidence, cost) > (cell[1], if cell[1] == 0 { 0 } else { cell[0] }) {
-                cell.copy_from_slice(&[cost, confidence, backing]);
+                cell.copy_from_slice(&[cost, confidence, backing, model]);
             }
         }
     }
@@ -429,9 +429,9 @@ fn statement(maps: &[Known], local: &str, time: Stamp) -> Grid {
         offset,
         r#type: NumericType::Uint8.into(),
     };
-    let fields = (0..).zip(["cost", "conf", "backing"]).map(field).collect();
+    let fields = (0..).zip(["cost", "conf", "backing", "model"]).map(field).collect();
     let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
-    frame.message(local, time, fields, 3, data)
+    frame.message(local, time, fields, 4, data)
 }
 
 fn empty_map() -> TerrainMap {

@@ -105,8 +105,14 @@ pub struct Learned {
 
 /// Judges a cell: by its model, where it belongs to one or where experience backs one that it resembles; else by itself.
 /// `is_low`: it is no higher than what was driven over.
-fn judgement(cell: &Cell, model: Option<&Model>, is_low: bool, rules: &ModelRules) -> Option<Judgement> {
-    let model = model.filter(|model| cell.is_part || model.terrain.experience() > 0);
+fn judgement(
+    cell: &Cell,
+    numbered: Option<(u32, &Model)>,
+    is_low: bool,
+    rules: &ModelRules,
+) -> Option<Judgement> {
+    let numbered = numbered.filter(|(_, model)| cell.is_part || model.terrain.experience() > 0);
+    let model = numbered.map(|(_, model)| model);
     let fraction = match model {
         Some(model) => model.obstacle_fraction()?,
         None => cell.terrain.obstacle_fraction(1)?,
@@ -120,6 +126,7 @@ fn judgement(cell: &Cell, model: Option<&Model>, is_low: bool, rules: &ModelRule
         cost: (f64::from(MAX_COST) * fraction).round() as u8,
         confidence: (f64::from(SURE) * part).ceil() as u8,
         backing: (255.0 * backing).round() as u8,
+        model: numbered.map_or(0, |(number, _)| u8::try_from(number + 1).unwrap_or(0)),
     })
 }
 
@@ -493,7 +500,7 @@ impl TerrainMap {
     /// backs one that it resembles; else its own. The fraction is scaled to 0 to 250. `None` where nothing is known.
     pub fn judge(&self, cell: &Cell, rules: &ModelRules) -> Option<Judgement> {
         let number = self.number_of(cell, &self.models.like_slippery(rules));
-        let model = number.and_then(|number| self.models.models.get(number as usize));
+        let model = number.and_then(|number| Some((number, self.models.models.get(number as usize)?)));
         judgement(cell, model, self.is_low(cell, self.driven_height_mm()), rules)
     }
 
@@ -511,7 +518,8 @@ impl TerrainMap {
                 let cell = cell.as_deref();
                 let is_low = cell.is_none_or(|cell| self.is_low(cell, limit_mm));
                 let number = cell.and_then(|cell| self.number_of(cell, &like));
-                let model = number.and_then(|number| self.models.models.get(number as usize));
+                let model =
+                    number.and_then(|number| Some((number, self.models.models.get(number as usize)?)));
                 let driven = number.and_then(|number| driven.get(number as usize)).copied().unwrap_or(0);
                 judgements.push(cell.and_then(|cell| judgement(cell, model, is_low, rules)));
                 roles.push(Role { part: part_in_surroundings(cell, number), driven, is_low });

@@ -123,7 +123,7 @@ fn driving_over_what_looked_like_obstacles_makes_them_cheap_everywhere() {
     let weeds: Vec<_> = (0..60).map(|x| (place(x, 0), terrain(7, 0, 1000))).collect();
     map.learn(&weeds, &RULES);
     let far = CellIndex::new(59, 0);
-    assert_eq!(judgement(&map, far), Judgement { cost: 250, confidence: SURE, backing: 0 });
+    assert_eq!(judgement(&map, far), Judgement { cost: 250, confidence: SURE, backing: 0, model: 1 });
     let mut last = 250;
     for step in 0..10 {
         drive(&mut map, step..step + 1);
@@ -135,9 +135,10 @@ fn driving_over_what_looked_like_obstacles_makes_them_cheap_everywhere() {
     // called them obstacles, and ten such cells back the model fully.
     let Terrain { driven, driven_labelled, driven_obstacle, .. } = map.models.models[0].terrain;
     assert_eq!((driven, driven_labelled, driven_obstacle), (55, 11, 11));
-    assert_eq!(judgement(&map, far), Judgement { cost: 67, confidence: SURE, backing: 255 });
+    assert_eq!(judgement(&map, far), Judgement { cost: 67, confidence: SURE, backing: 255, model: 1 });
     // Cells beside the row are driven over, too, and known to be free although they were never seen.
-    assert_eq!(judgement(&map, CellIndex::new(0, 1)), Judgement { cost: 0, confidence: SURE, backing: 255 });
+    let beside = Judgement { cost: 0, confidence: SURE, backing: 255, model: 0 };
+    assert_eq!(judgement(&map, CellIndex::new(0, 1)), beside);
 }
 
 #[test]

@@ -8,7 +8,7 @@
 //!   image. Its cost is assigned to the cells along the width of the window at that place, and overrides that of a
 //!   traversable window.
 
-use crate::classify::{Class, WindowGrid};
+use crate::classify::{Class, Match, WindowGrid};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, PinholeCamera, Pose};
 use rcs_world::{SIDE, UNKNOWN_COST};
@@ -51,6 +51,8 @@ pub struct Placed {
     pub south_west: CellIndex,
     /// Costs in row order, 255 unknown.
     pub costs: Vec<u8>,
+    /// The numbers of the models that say so, from 1; 0 for none.
+    pub models: Vec<u8>,
 }
 
 impl View<'_> {
@@ -99,7 +101,8 @@ pub fn place(view: &View<'_>, windows: &Windows<'_>, scale: Scale) -> Placed {
     let centre = (view.local_from_vehicle.translation / scale.cell_size_m).floor();
     let half = (SIDE / 2) as i64;
     let south_west = CellIndex::new(centre.x as i64, centre.y as i64).offset(-half, -half);
-    let mut placed = Placed { south_west, costs: vec![UNKNOWN_COST; SIDE * SIDE] };
+    let cells = SIDE * SIDE;
+    let mut placed = Placed { south_west, costs: vec![UNKNOWN_COST; cells], models: vec![0; cells] };
     placed.put_ground(view, windows, scale);
     for column in 0..windows.grid.columns() {
         placed.stand_obstacles(view, windows, column, scale);
@@ -124,9 +127,10 @@ impl Placed {
         let vehicle = view.local_from_vehicle.translation;
         let local_from_camera = view.local_from_vehicle * view.vehicle_from_camera;
         let camera_from_local = local_from_camera.rotation_matrix().transpose();
-        for (row, costs) in self.costs.chunks_exact_mut(SIDE).enumerate() {
+        let rows = self.costs.chunks_exact_mut(SIDE).zip(self.models.chunks_exact_mut(SIDE));
+        for (row, (costs, models)) in rows.enumerate() {
             let y = (self.south_west.y as f64 + row as f64 + 0.5) * cell_size_m - vehicle.y;
-            for (column, cost) in costs.iter_mut().enumerate() {
+            for (column, (cost, model)) in costs.iter_mut().zip(models).enumerate() {
                 let x = (self.south_west.x as f64 + column as f64 + 0.5) * cell_size_m - vehicle.x;
                 let offset = DVec3::new(x, y, -(up.x * x + up.y * y) / up.z);
                 if offset.length_squared() > max_range_m * max_range_m {
@@ -141,7 +145,7 @@ impl Placed {
                 let Some(pixel) = pixel else { continue };
                 let [u, v] = [pixel.x + 0.5, pixel.y + 0.5].map(|at| at as usize / grid.window_px);
                 if let Some(&Class::Traversable(of_window)) = classes.get(v * grid.columns() + u) {
-                    *cost = of_window;
+                    (*cost, *model) = (of_window.cost, of_window.model);
                 }
             }
         }
@@ -155,20 +159,20 @@ impl Placed {
             match windows.classes[row * grid.columns() + column] {
                 Class::Skipped | Class::Unclassified => {}
                 Class::Traversable(_) => foot_row = row,
-                Class::NotTraversable(cost) => {
+                Class::NotTraversable(like) => {
                     let v = (foot_row * grid.window_px).min(grid.size[1]) as f64 - 0.5;
                     let ends = [left, right].map(|u| view.on_plane(DVec2::new(u as f64 - 0.5, v)));
                     let [Some(from), Some(to)] = ends else { continue };
                     if from.length().max(to.length()) <= scale.max_range_m {
-                        self.stand(view, from, to, scale.cell_size_m, cost);
+                        self.stand(view, from, to, scale.cell_size_m, like);
                     }
                 }
             }
         }
     }
 
-    /// Assigns a cost to the cells along a line of the plane, vehicle frame.
-    fn stand(&mut self, view: &View<'_>, from: DVec3, to: DVec3, cell_size_m: f64, cost: u8) {
+    /// Assigns what a window is like to the cells along a line of the plane, vehicle frame.
+    fn stand(&mut self, view: &View<'_>, from: DVec3, to: DVec3, cell_size_m: f64, like: Match) {
         let steps = (2.0 * from.distance(to) / cell_size_m).ceil().clamp(1.0, 1000.0) as usize;
         for step in 0..=steps {
             let place = view.local_from_vehicle * from.lerp(to, step as f64 / steps as f64);
@@ -176,8 +180,10 @@ impl Placed {
             let (x, y) = (cell.x as i64 - self.south_west.x, cell.y as i64 - self.south_west.y);
             let side = 0..SIDE as i64;
             if side.contains(&x) && side.contains(&y) {
-                let slot = &mut self.costs[y as usize * SIDE + x as usize];
-                *slot = if *slot == UNKNOWN_COST { cost } else { cost.max(*slot) };
+                let slot = y as usize * SIDE + x as usize;
+                if self.costs[slot] == UNKNOWN_COST || like.cost >= self.costs[slot] {
+                    (self.costs[slot], self.models[slot]) = (like.cost, like.model);
+                }
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Windows on the flat plane.
 
 use super::*;
+use crate::classify::Match;
 use crate::classify_tests::{classes_of, learned};
 use crate::scene::{Scene, camera, vehicle_from_camera};
 use proptest::prelude::*;
@@ -13,6 +14,11 @@ fn view(camera: &PinholeCamera, local_from_vehicle: Pose) -> View<'_> {
 
 fn windows<'a>(grid: &'a WindowGrid, classes: &'a [Class], stereo_end: Option<&'a [usize]>) -> Windows<'a> {
     Windows { grid, classes, stereo_end }
+}
+
+/// A window like a model of this cost.
+fn like(cost: u8) -> Match {
+    Match { cost, model: cost / 2 + 1 }
 }
 
 fn cost_at(placed: &Placed, cell_size_m: f64, p_local: DVec3) -> Option<u8> {
@@ -91,7 +97,7 @@ proptest! {
         let grid = WindowGrid::new([64, 48], 6);
         // Ground only: obstacles have a rule of their own.
         let classes: Vec<Class> = (0..grid.columns() * grid.rows())
-            .map(|i| match crate::scene::noise(i, 0, seed) % 3 { 0 => Class::Unclassified, 1 => Class::Skipped, _ => Class::Traversable((i % 100) as u8) })
+            .map(|i| match crate::scene::noise(i, 0, seed) % 3 { 0 => Class::Unclassified, 1 => Class::Skipped, _ => Class::Traversable(like((i % 100) as u8)) })
             .collect();
         let view = view(&camera, pose);
         let placed = place(&view, &windows(&grid, &classes, None), Scale { cell_size_m: CELL_SIZE_M, max_range_m: 15.0 });
@@ -108,7 +114,7 @@ proptest! {
             let expected = match pixel {
                 Some(pixel) if p_local.distance(pose.translation) <= 15.0 => {
                     let (u, v) = (pixel.x.round() as usize / 6, pixel.y.round() as usize / 6);
-                    match classes[v * grid.columns() + u] { Class::Traversable(cost) => cost, _ => UNKNOWN_COST }
+                    match classes[v * grid.columns() + u] { Class::Traversable(like) => like.cost, _ => UNKNOWN_COST }
                 }
                 _ => UNKNOWN_COST,
             };
@@ -151,10 +157,10 @@ fn obstacles_beyond_stereo_stand_at_its_end_unless_ground_comes_between() {
     // In column 20 an obstacle directly above the rows of stereo, in column 25 one above two windows of ground.
     let end = vec![18; grid.columns()];
     for row in 13..18 {
-        classes[row * grid.columns() + 20] = Class::NotTraversable(240);
+        classes[row * grid.columns() + 20] = Class::NotTraversable(like(240));
         let ground = row >= 16;
         classes[row * grid.columns() + 25] =
-            if ground { Class::Traversable(5) } else { Class::NotTraversable(230) };
+            if ground { Class::Traversable(like(5)) } else { Class::NotTraversable(like(230)) };
     }
     let placed = place(
         &view,
@@ -166,6 +172,9 @@ fn obstacles_beyond_stereo_stand_at_its_end_unless_ground_comes_between() {
     };
     assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(20, 18)), Some(240));
     assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(25, 16)), Some(230));
+    for (&cost, &model) in placed.costs.iter().zip(&placed.models) {
+        assert_eq!(model, if cost == UNKNOWN_COST { 0 } else { like(cost).model });
+    }
     // The window is 0.1 m wide there, so it covers two cells at most.
     let cells: usize = placed.costs.iter().map(|&cost| usize::from(cost == 240)).sum();
     assert!(

@@ -88,7 +88,12 @@ pub fn spread(cells: &mut [Option<Judgement>], roles: &[Role], side: usize) {
                 }
             }
             _ if 2 * backing >= 255 * count => {
-                *cell = Some(Judgement { cost: mean(cost), confidence: SURE / 2, backing: mean(backing) });
+                *cell = Some(Judgement {
+                    cost: mean(cost),
+                    confidence: SURE / 2,
+                    backing: mean(backing),
+                    model: 0,
+                });
             }
             _ => {}
         }
@@ -125,7 +130,7 @@ mod tests {
     const SIDE: usize = 11;
 
     fn judgement(cost: u8, backing: u8) -> Judgement {
-        Judgement { cost, confidence: SURE, backing }
+        Judgement { cost, confidence: SURE, backing, model: 0 }
     }
 
     fn role(part: Part, driven: u8) -> Role {
@@ -159,6 +164,7 @@ mod tests {
                 cost: (cost + 0.5) as u8,
                 confidence: SURE / 2,
                 backing: (backing + 0.5) as u8,
+                model: 0,
             }),
             (Part::Gives | Part::Keeps, Some(own))
                 if driven >= 127.5
@@ -209,7 +215,7 @@ mod tests {
         (cells[middle + 1], roles[middle + 1]) = (None, role(Part::Takes, 0));
         (cells[middle + 2], roles[middle + 2]) = (Some(judgement(250, 0)), role(Part::Takes, 0));
         spread(&mut cells, &roles, SIDE);
-        let filled = Some(Judgement { cost: 30, confidence: SURE / 2, backing: 255 });
+        let filled = Some(Judgement { cost: 30, confidence: SURE / 2, backing: 255, model: 0 });
         assert_eq!(cells[middle..middle + 3], [Some(judgement(250, 0)), filled, filled]);
     }
 

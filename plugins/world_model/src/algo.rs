@@ -35,10 +35,10 @@ pub struct Taken {
 /// needed. Cells of other sizes or turned ones are resampled, see [`resampled`].
 ///
 /// - Each cell of the map that has a cost in the message receives one vote, of the worth `worth.<source>` (u8, 255 for a
-///   full vote) and the backing `backing.<source>` if the message has these fields.
+///   full vote), the backing `backing.<source>` and the model `model.<source>` if the message has these fields.
 /// - A message with the field `conf.<source>` states the evidence instead (a learned map): it replaces everything that
-///   was known of the source where the message has cells, known or not, with the confidence `conf.<source>` and the
-///   backing `backing.<source>`.
+///   was known of the source where the message has cells, known or not, with the confidence `conf.<source>`, the
+///   backing `backing.<source>` and the model `model.<source>`.
 ///
 /// Cells with less than the least backing are left out. In those of a message that votes, an obstacle that the source
 /// saw before loses confidence ([`Map::missed`]): else one frame that takes ground for a known obstacle would stay.

@@ -37,6 +37,25 @@
 //!
 //! An unusable cost map (wrong frame, no field `cost.<source>`, inconsistent sizes) is a fault and changes nothing.
 //!
+//! # `prediction`
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `image` | in | `foxglove.RawImage` | image of the camera: only its time and frame are read |
+//! | `calibration` | in | `foxglove.CameraCalibration` | calibration of the image |
+//! | `map` | in, optional | `foxglove.Grid` | world model: its obstacles are predicted, local frame |
+//! | `path` | in, optional | `foxglove.PosesInFrame` | planned path, local frame |
+//! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
+//! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
+//! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
+//! | `predicted` | out | `foxglove.ImageAnnotations` | obstacles from foot to top, and the path, pixels of the image |
+//!
+//! Period 50 ms; with each image it sends what the camera is expected to see of the map and of the path ([`prediction`]).
+//! It has no commands. State: the poses of the last seconds, and the camera. The colour models decide by the same
+//! projection ([`rcs_sense::Standing`]) whether an obstacle of the map lies in their ground sample; they take it at the time
+//! of their own image, which a message of the image before would not be.
+//!
 //! # `weight_learner`
 //!
 //! | port | direction | type | what |
@@ -47,9 +66,9 @@
 //!
 //! Period 1 s. Command `RESET` goes back to the weights of the parameters. State: the maps of the last eight seconds, and
 //! the newest judgements (shared between snapshots). It adjusts the weights of a world model while the vehicle drives,
-//! by how each source agreed with what was driven over, hit, or seen from near ([`rcs_world::fit`]). No bundled stack
-//! has it: with it, the same place is judged differently from one minute to the next. In a stack it is wired to a world
-//! model so:
+//! by how each source agreed with what was driven over, hit, or seen from near ([`rcs_world::fit`]). In the bundled
+//! stacks it does not adjust them (`adjusts`) but says what would be better, because the same place would be judged
+//! differently from one minute to the next. In a stack it is wired to a world model so:
 //!
 //! ```toml
 //! [change.wm1]
@@ -108,6 +127,8 @@ rcs_msg::messages!(
 pub mod algo;
 pub mod memory;
 mod memory_process;
+pub mod prediction;
+mod prediction_process;
 mod process;
 pub mod register;
 pub mod resample;
@@ -116,5 +137,6 @@ mod sources;
 mod weight_learner;
 
 pub use memory_process::{MapMemoryCommand, MapMemoryKeeper};
+pub use prediction_process::Prediction;
 pub use process::{WorldModel, WorldModelCommand};
 pub use weight_learner::{WeightLearner, WeightLearnerCommand};

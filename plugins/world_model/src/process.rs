@@ -172,7 +172,7 @@ impl Process for WorldModel {
             self.publish(ports, params, listed, vehicle, cx);
         }
         cx.exec(match (vehicle.is_some(), self.seen.is_empty()) {
-            _ if is_blind => "all weights are 0: nothing is known of what is ahead",
+            _ if is_blind => "the weights of all sources that look ahead are 0: nothing is known",
             (true, false) => "fuses costs",
             (true, true) => "waits for costs",
             (false, _) => "waits for the vehicle's pose",

@@ -46,7 +46,8 @@ pub fn resampled<T: Clone>(
         Err(error) => Err(error),
     };
     let costs = view.field_of(&format!("cost.{source}"), NumericType::Uint8)?;
-    let (worth, confidence, backing) = (byte("worth")?, byte("conf")?, byte("backing")?);
+    let (worth, confidence) = (byte("worth")?, byte("conf")?);
+    let (backing, model) = (byte("backing")?, byte("model")?);
     let heights = ["ground", "obstacle"].map(|class| Heights::find(&view, class));
     let is_large = view.cell_size_m().min_element() > grid.cell_size_m() * (1.0 + 1e-9);
     let mut gathered = Gathered::new(grid);
@@ -63,7 +64,12 @@ pub fn resampled<T: Clone>(
         };
         let sensed = Sensed {
             cell: CellIndex::new(0, 0),
-            vote: Vote { cost, worth: number(&worth, u8::MAX), backing: number(&backing, 0) },
+            vote: Vote {
+                cost,
+                worth: number(&worth, u8::MAX),
+                backing: number(&backing, 0),
+                model: number(&model, 0),
+            },
             confidence: number(&confidence, u8::MAX),
             heights: [0, 1]
                 .map(|class| heights[class].as_ref().map(|h| h.get(column, row)).unwrap_or_default()),
@@ -81,8 +87,8 @@ pub fn resampled<T: Clone>(
 impl Sensed {
     /// The evidence that a message of this sequence states.
     pub fn stated(&self, sequence: u32) -> Evidence {
-        let Vote { cost, backing, .. } = self.vote;
-        Evidence { cost, confidence: self.confidence, against: 0, backing, sequence }
+        let Vote { cost, backing, model, .. } = self.vote;
+        Evidence { cost, confidence: self.confidence, against: 0, backing, model, sequence }
     }
 }
 

@@ -3,7 +3,8 @@
 //!
 //! It compares what each source had said of cells with what they turned out to be ([`rcs_world::Experience`]), and fits
 //! the weights to half of that. New weights are sent if they do better on the other half, too, and never differ from the
-//! parameters of the world model by more than a factor. Each change is a message that says why.
+//! parameters of the world model by more than a factor. Each change is a message that says why. Where the parameters say
+//! that it does not adjust, the message says which weights would be better, and has those of the parameters.
 
 use crate::proto::{FusionWeight, FusionWeights, WeightLearnerParams, WorldModelParams};
 use crate::sources::Listed;
@@ -19,10 +20,12 @@ const STRETCH_S: f64 = 10.0;
 /// State: the maps of the last seconds, the samples, the weights in use, and when they were fitted last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct WeightLearner {
-    /// The weights of the world model's parameters, and the experience with their sources.
+    /// The weights of the world model's parameters, the better ones, and the experience with their sources.
     learned: Option<Learned>,
     fitted: Option<Stamp>,
     text: String,
+    /// Whether the weights that were sent last are those in use, or else those of the parameters.
+    adjusts: bool,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -35,6 +38,11 @@ struct Learned {
 impl Learned {
     fn new(given: Weights) -> Learned {
         Learned { experience: Experience::new(&given), now: given.clone(), given }
+    }
+
+    /// The weights that the world model uses: the better ones if the process adjusts them, else those of its parameters.
+    fn used(&self, adjusts: bool) -> &Weights {
+        if adjusts { &self.now } else { &self.given }
     }
 }
 
@@ -86,14 +94,22 @@ impl Process for WeightLearner {
             let WeightLearnerCommand::Reset = command;
             if let Some(learned) = &mut self.learned {
                 *learned = Learned::new(learned.given.clone());
-                send(ports, learned, "reset".to_owned(), [Judged::default(); 2], cx);
+                send(ports, learned, self.adjusts, "reset".to_owned(), [Judged::default(); 2], cx);
             }
         }
         if let Some(given) = cx.latest(&ports.params).map(|params| Listed::of(&params).weights)
             && self.learned.as_ref().is_none_or(|learned| learned.given != given)
         {
             let learned = self.learned.insert(Learned::new(given));
-            send(ports, learned, "weights of the parameters".to_owned(), [Judged::default(); 2], cx);
+            let reason = "weights of the parameters".to_owned();
+            send(ports, learned, self.adjusts, reason, [Judged::default(); 2], cx);
+        }
+        if self.adjusts != params.adjusts {
+            self.adjusts = params.adjusts;
+            if let Some(learned) = self.learned.as_ref().filter(|learned| learned.now != learned.given) {
+                let reason = if params.adjusts { "adjusts as told" } else { "does not adjust as told" };
+                send(ports, learned, self.adjusts, reason.to_owned(), [Judged::default(); 2], cx);
+            }
         }
         let map = cx.read_newest(&ports.map);
         let (Some(learned), Some(map)) = (&mut self.learned, map) else {
@@ -115,7 +131,8 @@ impl Process for WeightLearner {
             self.fitted = Some(now);
             self.text = match refit(learned, params) {
                 Ok(Some((reason, judged))) => {
-                    send(ports, learned, reason.clone(), judged, cx);
+                    let reason = if self.adjusts { reason } else { format!("better would be {reason}") };
+                    send(ports, learned, self.adjusts, reason.clone(), judged, cx);
                     reason
                 }
                 Ok(None) => {
@@ -141,12 +158,13 @@ fn refit(
     let rules = FitRules { greatest_factor: params.greatest_factor as f32, ..FitRules::default() };
     // From the weights of the parameters each time, so that the factor bounds the whole change.
     let Fit { weights, .. } = fit(&ours, &learned.given, &rules)?;
-    let judged = [&learned.now, &weights].map(|weights| others.judge(weights));
+    let used = learned.used(params.adjusts).clone();
+    let judged = [&used, &weights].map(|weights| others.judge(weights));
     if weights == learned.now || judged[1].loss >= judged[0].loss * (1.0 - rules.least_gain) {
         return Ok(None);
     }
     let changes = weights.iter().filter_map(|entry| {
-        let before = learned.now.get(entry.source).weight;
+        let before = used.get(entry.source).weight;
         (entry.weight != before).then(|| format!("{} {before} to {}", entry.source, entry.weight))
     });
     let changes: Vec<String> = changes.collect();
@@ -164,8 +182,16 @@ fn refit(
     Ok(Some((reason, judged)))
 }
 
-fn send(ports: &Ports, learned: &Learned, reason: String, judged: [Judged; 2], cx: &mut Cycle<'_>) {
+fn send(
+    ports: &Ports,
+    learned: &Learned,
+    adjusts: bool,
+    reason: String,
+    judged: [Judged; 2],
+    cx: &mut Cycle<'_>,
+) {
     let now = cx.now();
+    let used = learned.used(adjusts);
     let weight = |entry: rcs_world::Weighted| FusionWeight {
         source: entry.source.to_string(),
         weight: f64::from(entry.weight),
@@ -174,7 +200,7 @@ fn send(ports: &Ports, learned: &Learned, reason: String, judged: [Judged; 2], c
     let [driven, hit, seen] = Outcome::ALL.map(|outcome| judged[1].count[outcome as usize]);
     let message = FusionWeights {
         timestamp: Some(now.to_proto()),
-        weights: learned.now.iter().map(weight).collect(),
+        weights: used.iter().map(weight).collect(),
         reason,
         loss_before: judged[0].loss,
         loss_after: judged[1].loss,

@@ -10,7 +10,9 @@ use rcs_runtime::ProcessType;
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::{Map, MapOptions, Source, VoteRule, Weights};
-use rcs_world_model::proto::{FusionWeights, WorldModelParams, WorldModelSourceKind, WorldModelStats};
+use rcs_world_model::proto::{
+    FusionWeights, WeightLearnerParams, WorldModelParams, WorldModelSourceKind, WorldModelStats,
+};
 use rcs_world_model::{WeightLearner, WorldModel};
 
 const STACK: &str = r#"
@@ -127,6 +129,24 @@ fn the_weight_of_a_source_that_is_wrong_falls_within_its_bound_and_the_reason_is
 }
 
 #[test]
+fn told_not_to_adjust_it_says_what_would_be_better_and_the_weights_stay() {
+    let params = [("learner.adjusts", "false")];
+    let types = [ProcessType::of::<WorldModel>(), ProcessType::of::<WeightLearner>()];
+    let mut bench = Setup::new(STACK, &types).params(&params).bench();
+    drive(&mut bench, 0..60);
+    let advice: FusionWeights = bench.latest("/learner/weights");
+    assert_eq!(weight(&advice, "terrain") as f32, 0.4, "{advice:?}");
+    assert!(advice.reason.starts_with("better would be terrain 0.4 to 0.1: "), "{}", advice.reason);
+    let mut params: WeightLearnerParams = bench.latest("/learner/params");
+    params.adjusts = true;
+    bench.write("/learner/params", params);
+    bench.cycles(125, 16);
+    let learned: FusionWeights = bench.latest("/learner/weights");
+    assert!((weight(&learned, "terrain") - 0.1).abs() < 1e-6, "{learned:?}");
+    assert_eq!(learned.reason, "adjusts as told");
+}
+
+#[test]
 fn with_all_weights_at_zero_nothing_is_known_and_the_status_says_so() {
     let mut bench = bench();
     drive(&mut bench, 0..3);
@@ -146,7 +166,7 @@ fn with_all_weights_at_zero_nothing_is_known_and_the_status_says_so() {
         drive(&mut bench, 3..4);
         assert_eq!(known(&bench), 0);
         let status: rcs::Status = bench.latest("/wm1/status");
-        assert_eq!(status.state_text, "all weights are 0: nothing is known of what is ahead");
+        assert_eq!(status.state_text, "the weights of all sources that look ahead are 0: nothing is known");
     }
     bench.write("/wm1/params", params);
     drive(&mut bench, 4..5);

@@ -10,11 +10,13 @@ use ocu_ui::{icons, tokens};
 use rcs_runtime::source::Topic;
 
 impl Camera {
-    /// Initial settings of an overlay: only the first one is on, and ground truth is off.
+    /// Initial settings of an overlay: only the first one and shapes are on; what is predicted, and ground truth, is off.
     pub(super) fn overlay_state(&self, overlay: &Topic, overlays: &[&Topic]) -> OverlayState {
         let first = overlays.first().is_some_and(|first| first.name == overlay.name);
         let fallback = OverlayState {
-            shown: (first || layer::is_annotation(overlay)) && !overlay.is_ground_truth(),
+            shown: (first || layer::is_annotation(overlay))
+                && overlay.role() != Some(rcs_runtime::Role::Prediction)
+                && !overlay.is_ground_truth(),
             ..OverlayState::default()
         };
         self.saved.overlays.get(&*overlay.name).copied().unwrap_or(fallback)

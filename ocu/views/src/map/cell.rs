@@ -3,24 +3,38 @@
 
 use super::grid::Cells;
 use super::layers::Layer;
+use crate::tuning::in_force;
 use egui::{RichText, Ui};
 use ocu_ui::widgets::mono;
 use ocu_ui::{format, tokens};
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, Topic};
-use rcs_world::Label;
+use rcs_world::{Label, MapMessage, Source, Weights, weights_of};
 use std::collections::BTreeSet;
 use std::fmt::Display;
 
 /// Widths of columns, characters.
 const NAME: usize = 11;
 const NUMBER: usize = 9;
+const OF_SOURCE: usize = 8;
 
 /// A cell of a grid at a moment.
 pub(super) struct Content<'a> {
     pub(super) frame: &'a Frame,
     pub(super) cells: &'a Cells<'a>,
     pub(super) cell: [usize; 2],
+    /// The weights with which the sources are fused, if it is a map that a process fuses.
+    pub(super) weights: Option<Weights>,
+}
+
+/// The weights with which a layer was fused: those of the map itself, else those of the parameters of its process.
+pub(super) fn weights(frame: &Frame, layer: &Layer<'_>) -> Option<Weights> {
+    let topic = layer.topic.filter(|_| layer.is_map())?;
+    if let Some(map) = topic.canonical()?.source::<MapMessage>() {
+        return Some(map.options().weights.clone());
+    }
+    let process = frame.processes.iter().find(|process| *process.name == *topic.writer)?;
+    weights_of(&in_force(frame, process)?)
 }
 
 /// A source, and the number of its message that changed the cell last.
@@ -99,7 +113,7 @@ impl Content<'_> {
         clicked
     }
 
-    /// A row for each source, with all fields that are named after sources: `cost.stereo`, `conf.stereo`.
+    /// A row for each source, with all fields that are named after sources: `cost.stereo`, `conf.stereo`, and its weight.
     fn source_rows(&self, ui: &mut Ui, clickable: bool, told: &mut BTreeSet<String>) -> Option<MadeBy> {
         let sources: Vec<&str> = self.sources().collect();
         let mut columns: Vec<&str> = Vec::new();
@@ -116,7 +130,9 @@ impl Content<'_> {
         if sources.is_empty() {
             return None;
         }
-        let heading = in_columns(columns.iter());
+        let weight = |source: &str| Some(self.weights.as_ref()?.get(Source::new(source).ok()?).weight);
+        let last = self.weights.is_some().then_some("weight");
+        let heading = in_columns(columns.iter().copied().chain(last), OF_SOURCE);
         ui.label(mono(format!("{:<NAME$}{heading}    frame", "")).color(tokens(ui).weak));
         let mut clicked = None;
         for source in sources {
@@ -125,7 +141,8 @@ impl Content<'_> {
                 Some(value) => short(value),
                 None => String::new(),
             };
-            let numbers = in_columns(columns.iter().map(|column| number(column)));
+            let last = last.map(|_| weight(source).map(|weight| short(weight.into())).unwrap_or_default());
+            let numbers = in_columns(columns.iter().map(|column| number(column)).chain(last), OF_SOURCE);
             let sequence = self.value(&format!("seq.{source}"));
             ui.horizontal(|ui| {
                 ui.spacing_mut().item_spacing.x = 0.0;
@@ -190,7 +207,7 @@ impl Content<'_> {
             return;
         }
         *room -= 1 + parts.len();
-        let heading = in_columns(columns.iter());
+        let heading = in_columns(columns.iter(), NUMBER);
         ui.label(mono(format!("{:<NAME$}{heading}", "")).color(tokens(ui).weak));
         for part in parts {
             let number = |column: &&str| {
@@ -199,7 +216,7 @@ impl Content<'_> {
                 told.insert(name);
                 text
             };
-            let numbers = in_columns(columns.iter().map(number));
+            let numbers = in_columns(columns.iter().map(number), NUMBER);
             ui.label(mono(format!("{part:<NAME$}{numbers}")));
         }
     }
@@ -223,9 +240,9 @@ impl Content<'_> {
     }
 }
 
-/// Texts in columns of numbers.
-fn in_columns<T: Display>(texts: impl Iterator<Item = T>) -> String {
-    texts.map(|text| format!("{text:>NUMBER$}")).collect::<Vec<_>>().concat()
+/// Texts in columns of this width.
+fn in_columns<T: Display>(texts: impl Iterator<Item = T>, width: usize) -> String {
+    texts.map(|text| format!("{text:>width$}")).collect::<Vec<_>>().concat()
 }
 
 fn weak(ui: &mut Ui, text: String) {

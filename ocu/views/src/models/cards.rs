@@ -66,6 +66,9 @@ fn card(ui: &mut Ui, shown: &Shown<'_>, index: usize, model: &Model) -> bool {
                         widgets::icon_button_of(ui, icons::ICON_DELETE, &name, false, refused.is_none());
                     deleted = button.on_disabled_hover_text(refused.unwrap_or_default()).clicked();
                     ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                        let number = RichText::new(format!("{}", index + 1)).small().color(tokens.weak);
+                        ui.label(number)
+                            .on_hover_text("Its number, by which cells of a map name their model");
                         let name = RichText::new(&model.name).color(tokens.strong);
                         ui.add(egui::Label::new(name).truncate());
                         if !model.kind.is_empty() && !model.name.contains(&model.kind) {
