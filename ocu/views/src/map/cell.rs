@@ -138,6 +138,7 @@ impl Content<'_> {
         for source in sources {
             let number = |column: &str| match self.value(&format!("{column}.{source}")) {
                 Some(cost) if column == "cost" && cost > 250.0 => "unknown".to_owned(),
+                Some(0.0) if column == "model" => "none".to_owned(),
                 Some(value) => short(value),
                 None => String::new(),
             };
