@@ -2,7 +2,7 @@ use proptest::prelude::*;
 use rcs_geom::DVec2;
 
 use super::*;
-use crate::{SIDE, Sources, VoteRule, Weights};
+use crate::{SIDE, Sources, Vote, VoteRule, Weights};
 
 /// A drive: votes at various places around a moving vehicle, from a growing set of sources.
 struct Drive {
@@ -43,8 +43,10 @@ impl Drive {
             let source: Source = name.parse().unwrap();
             self.sources.insert(source);
             let cell = south_west.offset(x, y);
-            let cost = self.below(251) as u8;
-            self.map.vote(cell, source, cost, self.sequence, time, VoteRule::default());
+            let is_learned = Weights::default().get(source).kind == SourceKind::Learned;
+            let model = if is_learned { self.below(256) as u8 } else { 0 };
+            let vote = Vote { model, ..Vote::from(self.below(251) as u8) };
+            self.map.vote(cell, source, vote, self.sequence, time, VoteRule::default());
             let mut ground = HeightStats::default();
             (0..self.below(4)).for_each(|_| ground.add(self.below(1000) as f32 * 0.001));
             let cell = self.map.cell_mut(cell).unwrap();

@@ -3,7 +3,7 @@ use rcs_msg::foxglove::Vector2;
 
 use super::*;
 use crate::SIDE;
-use crate::{GridView, Sources, UNKNOWN_COST, VoteRule, Weights, fuse_grid};
+use crate::{GridView, SourceKind, Sources, UNKNOWN_COST, Vote, VoteRule, Weights, fuse_grid};
 
 fn options(sources: Sources) -> MapOptions {
     let weights = Weights::default().with(Source::TERRAIN, 0.3).with(Source::COLOR, 2.0);
@@ -24,7 +24,10 @@ fn voted(seed: u64, votes: usize, vehicle: DVec2) -> Map {
         let index = south_west.offset(random(SIDE as u64) as i64, random(SIDE as u64) as i64);
         let source = Source::BUNDLED[random(6) as usize];
         let time = Stamp(1_700_000_000_123_456_789 + u64::from(sequence) * 7_777_777);
-        assert!(map.vote(index, source, random(251) as u8, sequence, time, VoteRule::default()));
+        let is_learned = Weights::default().get(source).kind == SourceKind::Learned;
+        let model = if is_learned { random(256) as u8 } else { 0 };
+        let vote = Vote { model, ..Vote::from(random(251) as u8) };
+        assert!(map.vote(index, source, vote, sequence, time, VoteRule::default()));
         let mut ground = HeightStats::default();
         (0..random(4)).for_each(|_| ground.add(random(1000) as f32 * 0.001));
         let cell = map.cell_mut(index).unwrap();

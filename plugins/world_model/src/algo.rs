@@ -92,7 +92,7 @@ fn window_of(view: &GridView<'_>, map: &Map) -> CellRect {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcs_world::{Evidence, MapOptions, Sources, UNKNOWN_COST, Weights};
+    use rcs_world::{Evidence, MapOptions, Sources, UNKNOWN_COST, Vote, Weights};
 
     const RULE: VoteRule = VoteRule { rise: 30, fall: 20, obstacle_fall: 20, max: 255, ground_max: 80 };
 
@@ -124,6 +124,30 @@ mod tests {
         }
         let sources: Sources = [source].into_iter().collect();
         map.to_grid("local", Stamp(1), &MapOptions { sources, heights: false, weights: Weights::default() })
+    }
+
+    #[test]
+    fn a_cell_names_the_model_that_judged_it_last() {
+        let (place, source) = (DVec2::new(3.1, -2.3), Source::TERRAIN);
+        let mut map = Map::new(0.2).unwrap();
+        let cell = map.grid().cell_at(place).unwrap();
+        let said = |model: u8| {
+            let mut stated = Map::new(0.2).unwrap();
+            stated.vote(cell, source, Vote { model, ..Vote::from(30) }, 1, Stamp(1), RULE);
+            let sources: Sources = [source].into_iter().collect();
+            let options = MapOptions { sources, heights: false, weights: Weights::default() };
+            stated.to_grid("local", Stamp(1), &options)
+        };
+        for (sequence, model, updated) in [(1, 7, 1), (2, 7, 1), (3, 9, 1)] {
+            take(&mut map, &said(model), &origin(source, sequence)).unwrap();
+            assert_eq!(map.evidence(source, cell).model, model);
+            assert_eq!(map.grid().get(cell).unwrap().updated, Stamp(updated), "nothing else has changed");
+        }
+        // The same as votes, which say nothing of confidence.
+        let mut votes = said(4);
+        votes.fields.retain(|field| !field.name.starts_with("conf"));
+        take(&mut map, &votes, &origin(source, 4)).unwrap();
+        assert_eq!(map.evidence(source, cell).model, 4);
     }
 
     #[test]
