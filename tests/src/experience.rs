@@ -102,7 +102,8 @@ impl Drive {
             ];
             let blocked = true_at("blocked", at) > 0.0;
             let beside = |by: [f64; 2]| true_at("blocked", at + DVec2::from_array(by)) > 0.0;
-            let backed = known("backing.color", [column, row]).is_some_and(|backing| backing >= 127.0);
+            let backing = map.field("backing.color").ok().and_then(|field| field.get(column, row));
+            let backed = backing.is_some_and(|backing| backing >= 127.0);
             cells.push(Cell {
                 at,
                 class: true_at("class", at) as u8,

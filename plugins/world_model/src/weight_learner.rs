@@ -24,7 +24,7 @@ pub struct WeightLearner {
     learned: Option<Learned>,
     fitted: Option<Stamp>,
     text: String,
-    /// Whether the weights that were sent last are those in use, or else those of the parameters.
+    /// Whether the better weights were sent last, or else those of the parameters.
     adjusts: bool,
 }
 
