@@ -1,10 +1,10 @@
-//! The world model's map: votes of a cost map of 201×201 cells, and fused costs with new weights.
+//! The world model's map: votes of a cost map of 201×201 cells, fused costs with new weights, and the map as a message.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use rcs_geom::DVec2;
 use rcs_msg::Stamp;
 use rcs_sense::{CELL_SIZE_M, CostGrid, GridFrame};
-use rcs_world::{Map, Source, VoteRule, Weights};
+use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
 use rcs_world_model::algo::{VoteOrigin, take};
 
 /// Labelled points of a frame.
@@ -71,6 +71,19 @@ fn update(criterion: &mut Criterion) {
             fused.len()
         });
     });
+    // As most maps are: the vehicle has seen a part of them, with heights.
+    let options = MapOptions { sources: Sources::bundled(), heights: true, weights: Weights::default() };
+    let mut seen = Map::new(CELL_SIZE_M).expect("a map of that size");
+    seen.recentre(DVec2::ZERO);
+    let mut costs = CostGrid::new(frame);
+    points.iter().for_each(|&(at, cost)| costs.mark(at, cost));
+    let grid = costs.into_message(Source::STEREO, "local", Stamp(1));
+    take(&mut seen, &grid, &rule(Source::STEREO, 1)).expect("a cost map of the source");
+    for (name, map) in [("all_known", &known), ("one_frame_seen", &seen)] {
+        group.bench_function(format!("message/{name}"), |bench| {
+            bench.iter(|| map.to_grid("local", Stamp(3), &options).data.len());
+        });
+    }
     group.finish();
 }
 

@@ -93,8 +93,19 @@ impl Map {
         let mut places = data.chunks_exact_mut(cell_stride);
         let layers: Vec<_> = options.sources.iter().map(|source| self.layer_number(source)).collect();
         let mut evidence = vec![Evidence::NONE; layers.len()];
+        // Most cells are unknown, and all of these have the same bytes.
+        let mut unknown = vec![0; cell_stride];
+        write(&mut unknown, &Cell::default(), &evidence, &Fused::UNKNOWN, options);
         // Fused cells are computed in the order of the message.
         self.for_each_cell(&options.weights, |_, cell, said, fused| {
+            let is_unknown =
+                *cell == Cell::default() && said.iter().all(|evidence| *evidence == Evidence::NONE);
+            if is_unknown {
+                if let Some(place) = places.next() {
+                    place.copy_from_slice(&unknown);
+                }
+                return;
+            }
             for (evidence, &layer) in evidence.iter_mut().zip(&layers) {
                 *evidence = layer.map_or(Evidence::NONE, |layer| said[layer]);
             }
