@@ -80,11 +80,12 @@ fn color_models(criterion: &mut Criterion) {
                     vehicle_from_camera: &mount,
                     local_from_vehicle: &Pose::from_xy_yaw(0.2 * at as f64, 0.0, 0.0),
                     below_m: 0.0,
+                    tilt_noise_rad: 0.005,
                 };
                 let costs = seen.costs.expect("there is ground in the image");
                 let known = seen.known.as_ref().map(|known| Standing { known, shape, screens: None });
                 let ground = Ground::new(&costs, &seen.models, known.as_ref(), place);
-                (print, CostMap::new(&ground, 0.2, 12.0).into_grid("local", time))
+                (print, CostMap::new(&ground, 0.2, 12.0).to_grid("local", time))
             })
         });
     }

@@ -74,6 +74,25 @@ impl GridFrame {
             data: data.into(),
         }
     }
+
+    /// A message with fields of one byte: their names, before `.<source>`, and the values of all cells by rows from the
+    /// south-west, those of one cell together.
+    pub fn message_of_bytes(
+        &self,
+        source: impl Display,
+        names: &[&str],
+        data: Vec<u8>,
+        frame_id: &str,
+        time: Stamp,
+    ) -> Grid {
+        let field = |(offset, name): (u32, &&str)| PackedElementField {
+            name: format!("{name}.{source}"),
+            offset,
+            r#type: NumericType::Uint8.into(),
+        };
+        let fields = (0..).zip(names).map(field).collect();
+        self.message(frame_id, time, fields, names.len(), data)
+    }
 }
 
 /// The cell of a position (m) in the frame; saturates for positions too far away.
@@ -141,9 +160,7 @@ impl CostGrid {
 
     /// Converts to a message with the one field `cost.<source>` (u8, 0 to 250, 255 unknown).
     pub fn into_message(self, source: impl Display, frame_id: &str, time: Stamp) -> Grid {
-        let field =
-            PackedElementField { name: cost_field(source), offset: 0, r#type: NumericType::Uint8.into() };
-        self.frame.message(frame_id, time, vec![field], 1, self.costs)
+        self.frame.message_of_bytes(source, &["cost"], self.costs, frame_id, time)
     }
 }
 

@@ -7,6 +7,7 @@
 //!   define them.
 //! - [`ImageCheck`]: whether an image is usable: its size, its exposure, and that the camera is not frozen.
 //! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
+//! - [`worth`], [`PlaneNoise`]: how much a vote counts.
 //! - [`Origin`]: the origin of the global frame on the earth.
 //! - [`Sample`]: the picture of what a model was learned from.
 //! - [`model_to_delete`]: which learned model a command means.
@@ -40,6 +41,7 @@ mod origin;
 mod pose_ports;
 mod sample;
 mod standing;
+mod worth;
 
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
 pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, upright};
@@ -51,6 +53,7 @@ pub use origin::Origin;
 pub use pose_ports::PosePorts;
 pub use sample::{Rgb, SAMPLE_PX, Sample, SampleError};
 pub use standing::{Standing, is_obstacle, plane_height};
+pub use worth::{PlaneNoise, worth};
 
 pub use rcs_world::CELL_SIZE_M;
 

@@ -9,6 +9,9 @@
 //! the pixels above say nothing; where something in front of the foot hides it, or something higher stands there
 //! ([`crate::hidden`]), there is none. A cell with a foot has the highest cost, and a backing: how sure it is that it is
 //! the known obstacle.
+//!
+//! What is said about a cell is worth less the less sure its place is ([`PlaneNoise`]): a pixel far ahead covers several
+//! cells, and the ground there is not quite the plane under the vehicle.
 
 use crate::engine::Known;
 use crate::hidden::Screens;
@@ -19,9 +22,7 @@ use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
-use rcs_msg::foxglove::PackedElementField;
-use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_sense::{CostGrid, GridFrame, cost_field, plane_height};
+use rcs_sense::{CostGrid, GridFrame, PlaneNoise, plane_height, worth};
 use rcs_world::{MAX_COST, OBSTACLE_COST, SIDE, Source, UNKNOWN_COST};
 use std::borrow::Cow;
 
@@ -38,6 +39,8 @@ pub struct CameraPlacement<'a> {
     pub local_from_vehicle: &'a Pose,
     /// Distance of the ground plane below the origin of the vehicle frame, m.
     pub below_m: f64,
+    /// Standard deviation of the tilt of the ground ahead against that plane, rad.
+    pub tilt_noise_rad: f64,
 }
 
 /// 201×201 costs around the vehicle, north-up in the local frame.
@@ -48,6 +51,8 @@ pub struct CostMap {
     backings: Vec<u8>,
     /// The model that has most of the colour of the nearest pixel of each cell, or that of a known obstacle; 0 for none.
     models: Vec<u8>,
+    /// How much the cost of each cell counts, 0 to 255; 0 where it is unknown.
+    worths: Vec<u8>,
 }
 
 /// Known obstacles in the image, and what may hide them.
@@ -67,6 +72,8 @@ pub struct Ground<'a> {
     costs: Cow<'a, [u8]>,
     models: &'a [u8],
     place: CameraPlacement<'a>,
+    /// Height of the camera above the plane, m.
+    above_m: f64,
     points: Vec<Point>,
 }
 
@@ -150,7 +157,7 @@ impl<'a> Ground<'a> {
                 points.push(Point { at, cost, backing, model });
             }
         }
-        Ground { costs, models, place, points }
+        Ground { costs, models, place, above_m, points }
     }
 }
 
@@ -169,9 +176,11 @@ impl CostMap {
     pub fn new(ground: &Ground<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
         let vehicle = ground.place.local_from_vehicle.translation.truncate();
         let costs = CostGrid::new(GridFrame::around(vehicle, SIDE, cell_size_m));
-        let mut map = CostMap { costs, backings: vec![0; SIDE * SIDE], models: vec![0; SIDE * SIDE] };
+        let nothing = || vec![0; SIDE * SIDE];
+        let mut map = CostMap { costs, backings: nothing(), models: nothing(), worths: nothing() };
         map.vote(&ground.points, vehicle, max_range_m);
         map.fill(ground, max_range_m);
+        map.weigh(ground);
         map
     }
 
@@ -234,6 +243,21 @@ impl CostMap {
         }
     }
 
+    /// Says how much each known cost counts.
+    fn weigh(&mut self, ground: &Ground<'_>) {
+        let place = &ground.place;
+        let camera = (*place.local_from_vehicle * place.vehicle_from_camera.translation).truncate();
+        let pixel_rad = f64::from(place.camera.height) / HEIGHT as f64 / place.camera.fy;
+        let noise = PlaneNoise::new(ground.above_m, pixel_rad, place.tilt_noise_rad);
+        let frame = *self.costs.frame();
+        for (slot, value) in self.worths.iter_mut().enumerate() {
+            if self.costs.costs()[slot] != UNKNOWN_COST {
+                let distance_m = frame.middle(slot % SIDE, slot / SIDE).distance(camera);
+                *value = worth(1.0, noise.at_m(distance_m), frame.cell_size_m);
+            }
+        }
+    }
+
     /// Cost of the cell that contains a position of the local frame (m); 255 where unknown or outside of the map.
     pub fn at(&self, place: DVec2) -> u8 {
         self.costs.at(place).unwrap_or(UNKNOWN_COST)
@@ -244,20 +268,13 @@ impl CostMap {
         [0, OBSTACLE_COST].map(|from| self.costs.count_from(from) as u32)
     }
 
-    /// Converts to a message with the fields `cost.color` (u8, 0 to 250, 255 unknown), `backing.color` and `model.color`
-    /// (u8).
-    pub fn into_grid(self, frame_id: &str, time: Stamp) -> Grid {
-        let field = |(offset, name): (u32, String)| PackedElementField {
-            name,
-            offset,
-            r#type: NumericType::Uint8.into(),
-        };
-        let color = Source::COLOR;
-        let names = [cost_field(color), format!("backing.{color}"), format!("model.{color}")];
-        let fields = (0..).zip(names).map(field).collect();
-        let cells = self.costs.costs().iter().zip(&self.backings).zip(&self.models);
-        let data = cells.flat_map(|((&cost, &backing), &model)| [cost, backing, model]).collect();
-        self.costs.frame().message(frame_id, time, fields, 3, data)
+    /// The message with the fields `cost.color` (u8, 0 to 250, 255 unknown), `worth.color`, `backing.color` and
+    /// `model.color` (u8).
+    pub fn to_grid(&self, frame_id: &str, time: Stamp) -> Grid {
+        let cell = |(slot, &cost)| [cost, self.worths[slot], self.backings[slot], self.models[slot]];
+        let data = self.costs.costs().iter().enumerate().flat_map(cell).collect();
+        let names = ["cost", "worth", "backing", "model"];
+        self.costs.frame().message_of_bytes(Source::COLOR, &names, data, frame_id, time)
     }
 }
 
@@ -267,6 +284,7 @@ mod tests {
     use crate::image::PIXELS;
     use crate::region::rays;
     use rcs_geom::Distortion;
+    use rcs_msg::foxglove::packed_element_field::NumericType;
 
     /// A camera 1 m above the ground, pitched 20 degrees down.
     fn check(local_from_vehicle: Pose, paint: impl Fn(DVec3) -> u8) -> CostMap {
@@ -308,6 +326,7 @@ mod tests {
             vehicle_from_camera: &mount,
             local_from_vehicle: &local_from_vehicle,
             below_m: 0.0,
+            tilt_noise_rad: 0.0,
         };
         let known = Known { blended: known.clone(), posts: vec![0; PIXELS], pure: known, model: 9 };
         let shape = Shape { height_m: 0.95, least_share: 0.6, span_m: 2.5 };
@@ -415,11 +434,20 @@ mod tests {
     fn the_message_is_a_map_that_the_world_model_takes() {
         let map = check(Pose::IDENTITY, |_| 40);
         let known = map.known();
-        let grid = map.into_grid("local", Stamp(7));
+        let grid = map.to_grid("local", Stamp(7));
         let view = rcs_world::GridView::new(&grid).unwrap();
         let costs = view.field_of("cost.color", NumericType::Uint8).unwrap();
         assert_eq!((view.columns(), view.rows()), (SIDE, SIDE));
         assert_eq!(costs.values().filter(|cost| *cost == 40.0).count() as u32, known[0]);
         assert_eq!(known[1], 0);
+        // The camera sees the ground ahead, and a pixel covers more of it the farther it is.
+        let worths = view.field_of("worth.color", NumericType::Uint8).unwrap();
+        let ahead =
+            [1.6, 3.0, 5.0, 8.0].map(|x| worths.get(SIDE / 2 + (x / 0.2) as usize, SIDE / 2).unwrap());
+        assert!(ahead.is_sorted_by(|near, far| near > far) && ahead[0] > 240.0, "{ahead:?}");
+        assert!(
+            std::iter::zip(worths.values(), costs.values())
+                .all(|(worth, cost)| (worth > 0.0) == (cost <= 250.0))
+        );
     }
 }

@@ -38,7 +38,7 @@ pub(crate) fn send_costs(
     let ground = Ground::new(costs, &seen.models, known.as_ref(), *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
-    cx.write(&ports.cost, time, map.into_grid(extrinsics(params).frames.local, time));
+    cx.write(&ports.cost, time, map.to_grid(extrinsics(params).frames.local, time));
     let overlay = RawImage {
         timestamp: Some(time.to_proto()),
         frame_id: image.frame_id.clone(),

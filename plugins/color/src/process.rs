@@ -234,6 +234,7 @@ impl ColorModelLearner {
             vehicle_from_camera: &vehicle_from_camera,
             local_from_vehicle: &local_from_vehicle,
             below_m: params.wheels_below_m,
+            tilt_noise_rad: params.tilt_noise_deg.to_radians(),
         };
         cx.write(&ports.sample, time, annotation(&outline, time));
         let map = recent_map(time, ports, params, cx);

@@ -7,9 +7,9 @@
 //! cell with the border of a negative obstacle has the highest cost, even where ground is seen in it, because the
 //! ground ends there. A cell that must be an obstacle in more frames to be one is unknown (see `positive_frames`).
 //!
-//! What is said about a cell is worth as much as its pixels and the range noise let it be: the share of its pixels in
-//! those that make it certain (at most 1), divided by 1 + (σ/cell size)², where σ is the standard deviation of a range
-//! at the distance of the cell. A border of a negative obstacle was found in several columns, and is worth a full vote.
+//! What is said about a cell is worth as much as its pixels and the range noise let it be ([`worth()`]): the share of its
+//! pixels in those that make it certain (at most 1), and the standard deviation of a range at the distance of the cell.
+//! A border of a negative obstacle was found in several columns, and is worth a full vote.
 
 use crate::columns::{Heights, Strip};
 use glam::DVec3;
@@ -17,7 +17,7 @@ use rcs_geom::CellIndex;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField};
-use rcs_sense::{CELL_SIZE_M, GridFrame, cost_field};
+use rcs_sense::{CELL_SIZE_M, GridFrame, cost_field, worth};
 use rcs_world::{Label as Seen, MAX_COST, SIDE, Source, UNKNOWN_COST};
 use std::collections::BTreeSet;
 
@@ -100,8 +100,7 @@ impl Cell {
         }
         let pixels = f64::from(self.ground.count + self.obstacle.count);
         let part = (pixels / f64::from(certainty.pixels.max(1))).min(1.0);
-        let noise_in_cells = certainty.noise_per_m2 * distance_m * distance_m / CELL_SIZE_M;
-        (255.0 * part / (1.0 + noise_in_cells * noise_in_cells)).round() as u8
+        worth(part, certainty.noise_per_m2 * distance_m * distance_m, CELL_SIZE_M)
     }
 
     /// Mean red, green, blue, and 255 for opaque; all 0 without coloured pixels.

@@ -8,13 +8,12 @@
 
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
-use rcs_sense::CELL_SIZE_M;
 use rcs_terrain::appearance::{MatchWeights, RatioBins};
 use rcs_terrain::classify::{Matcher, WindowGrid, classify_row};
 use rcs_terrain::frame::{LabelledFrame, Rays, gather, join, strips};
 use rcs_terrain::map::TerrainMap;
 use rcs_terrain::models::{ModelRules, ModelSet};
-use rcs_terrain::place::{Scale, View, Windows, place, region};
+use rcs_terrain::place::{View, Windows, place, region};
 use rcs_terrain::texture::PaddedGrey;
 use std::time::Instant;
 
@@ -113,8 +112,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .collect();
         let classes = classes.concat();
         let windows = Windows { grid: &grid, classes: &classes, stereo_end: None };
-        place(&view, &windows, Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 });
-        place(&view, &windows, Scale { cell_size_m: 0.6, max_range_m: 40.0 });
+        place(&view, &windows, 20.0);
     });
     Ok(())
 }

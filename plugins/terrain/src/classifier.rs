@@ -29,7 +29,7 @@ use crate::appearance::{MatchWeights, RatioBins};
 use crate::classify::{Class, Matcher, WindowGrid, classify_row, end_of_stereo, overlay};
 use crate::model_file::{ModelsError, matching_of, models_of_text};
 use crate::models::ModelSet;
-use crate::place::{Placed, Scale, View, Windows, place, region};
+use crate::place::{Placed, View, Windows, place, region};
 use crate::proto::{ClassifierParams, ClassifierRegion, ClassifierStats, TerrainModels};
 use crate::sync::Recent;
 use crate::texture::PaddedGrey;
@@ -37,11 +37,10 @@ use crate::unusable::{Unusable, depths};
 use rcs_geom::PinholeCamera;
 use rcs_msg::Stamp;
 use rcs_msg::classes::TRAVERSABLE_CLASSES;
-use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{CameraCalibration, Grid, PackedElementField, RawImage};
+use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, CELL_SIZE_M, Extrinsics, GridFrame, ImageCheck, Localizer, PosePorts, camera_of};
-use rcs_world::{SIDE, Source};
+use rcs_sense::{Axes, Extrinsics, ImageCheck, Localizer, PosePorts, camera_of};
+use rcs_world::Source;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -290,8 +289,7 @@ impl Classifier {
         });
         let classes = rows.concat();
         let windows = Windows { grid: &grid, classes: &classes, stereo_end };
-        let scale = Scale { cell_size_m: CELL_SIZE_M, max_range_m: params.max_range_m };
-        let placed = place(&view, &windows, scale);
+        let placed = place(&view, &windows, params.max_range_m);
         cx.write(&ports.stats, time, stats(time, &classes, &matcher, stereo_end.is_some(), &placed));
         let overlay = RawImage {
             timestamp: Some(time.to_proto()),
@@ -308,16 +306,9 @@ impl Classifier {
 
 /// The costs, and the models that say so, as a message.
 fn message_of(placed: &Placed, frame_id: &str, time: Stamp) -> Grid {
-    let frame = GridFrame { south_west: placed.south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
-    let field = |(offset, name): (u32, &str)| PackedElementField {
-        name: format!("{name}.{}", Source::CLASSIFIER),
-        offset,
-        r#type: NumericType::Uint8.into(),
-    };
-    let fields = (0..).zip(["cost", "model"]).map(field).collect();
     let cells = placed.costs.iter().zip(&placed.models);
     let data = cells.flat_map(|(&cost, &model)| [cost, model]).collect();
-    frame.message(frame_id, time, fields, 2, data)
+    placed.frame().message_of_bytes(Source::CLASSIFIER, &["cost", "model"], data, frame_id, time)
 }
 
 /// How the poses of vehicle and camera are found.

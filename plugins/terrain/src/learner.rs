@@ -12,8 +12,7 @@ use crate::proto::{TerrainCamera, TerrainCameras, TerrainLearnerParams, TerrainM
 use crate::unusable::Unusable;
 use rcs_geom::CellIndex;
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
+use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Axes, CELL_SIZE_M, GridFrame, Localizer, PosePorts, fingerprint, model_to_delete};
@@ -424,14 +423,9 @@ fn statement(maps: &[Known], local: &str, time: Stamp) -> Grid {
             }
         }
     }
-    let field = |(offset, name): (u32, &str)| PackedElementField {
-        name: format!("{name}.{}", Source::TERRAIN),
-        offset,
-        r#type: NumericType::Uint8.into(),
-    };
-    let fields = (0..).zip(["cost", "conf", "backing", "model"]).map(field).collect();
+    let names = ["cost", "conf", "backing", "model"];
     let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
-    frame.message(local, time, fields, 4, data)
+    frame.message_of_bytes(Source::TERRAIN, &names, data, local, time)
 }
 
 fn empty_map() -> TerrainMap {

@@ -11,6 +11,7 @@
 use crate::classify::{Class, Match, WindowGrid};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, PinholeCamera, Pose};
+use rcs_sense::{CELL_SIZE_M, GridFrame};
 use rcs_world::{SIDE, UNKNOWN_COST};
 
 /// Poses of camera and vehicle.
@@ -33,15 +34,6 @@ pub struct Windows<'a> {
     pub classes: &'a [Class],
     /// For each column of windows, the first row covered by stereo; `None` without stereo.
     pub stereo_end: Option<&'a [usize]>,
-}
-
-/// Cell size and extent of a cost map.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
-    /// Size of a cell, m.
-    pub cell_size_m: f64,
-    /// Maximum distance from the vehicle's origin, m.
-    pub max_range_m: f64,
 }
 
 /// A cost map around the vehicle.
@@ -96,16 +88,15 @@ fn middle(grid: &WindowGrid, column: usize, row: usize) -> DVec2 {
     DVec2::new(between(grid.x(column)), between(grid.y(row)))
 }
 
-/// Projects classified windows onto a map of 201×201 cells around the vehicle.
-pub fn place(view: &View<'_>, windows: &Windows<'_>, scale: Scale) -> Placed {
-    let centre = (view.local_from_vehicle.translation / scale.cell_size_m).floor();
-    let half = (SIDE / 2) as i64;
-    let south_west = CellIndex::new(centre.x as i64, centre.y as i64).offset(-half, -half);
+/// Projects classified windows onto a map of 201×201 cells around the vehicle, up to `max_range_m` (m) from its origin.
+pub fn place(view: &View<'_>, windows: &Windows<'_>, max_range_m: f64) -> Placed {
+    let vehicle = view.local_from_vehicle.translation.truncate();
+    let south_west = GridFrame::around(vehicle, SIDE, CELL_SIZE_M).south_west;
     let cells = SIDE * SIDE;
     let mut placed = Placed { south_west, costs: vec![UNKNOWN_COST; cells], models: vec![0; cells] };
-    placed.put_ground(view, windows, scale);
+    placed.put_ground(view, windows, max_range_m);
     for column in 0..windows.grid.columns() {
-        placed.stand_obstacles(view, windows, column, scale);
+        placed.stand_obstacles(view, windows, column, max_range_m);
     }
     placed
 }
@@ -116,9 +107,13 @@ impl Placed {
         self.costs.iter().filter(|&&cost| cost != UNKNOWN_COST).count() as u64
     }
 
-    fn put_ground(&mut self, view: &View<'_>, windows: &Windows<'_>, scale: Scale) {
+    /// Its cells.
+    pub fn frame(&self) -> GridFrame {
+        GridFrame { south_west: self.south_west, side: SIDE, cell_size_m: CELL_SIZE_M }
+    }
+
+    fn put_ground(&mut self, view: &View<'_>, windows: &Windows<'_>, max_range_m: f64) {
         let (grid, classes) = (windows.grid, windows.classes);
-        let Scale { cell_size_m, max_range_m } = scale;
         let is_ground = |class: &Class| matches!(class, Class::Traversable(_));
         if !classes.iter().any(is_ground) {
             return;
@@ -129,9 +124,9 @@ impl Placed {
         let camera_from_local = local_from_camera.rotation_matrix().transpose();
         let rows = self.costs.chunks_exact_mut(SIDE).zip(self.models.chunks_exact_mut(SIDE));
         for (row, (costs, models)) in rows.enumerate() {
-            let y = (self.south_west.y as f64 + row as f64 + 0.5) * cell_size_m - vehicle.y;
+            let y = (self.south_west.y as f64 + row as f64 + 0.5) * CELL_SIZE_M - vehicle.y;
             for (column, (cost, model)) in costs.iter_mut().zip(models).enumerate() {
-                let x = (self.south_west.x as f64 + column as f64 + 0.5) * cell_size_m - vehicle.x;
+                let x = (self.south_west.x as f64 + column as f64 + 0.5) * CELL_SIZE_M - vehicle.x;
                 let offset = DVec3::new(x, y, -(up.x * x + up.y * y) / up.z);
                 if offset.length_squared() > max_range_m * max_range_m {
                     continue;
@@ -151,7 +146,7 @@ impl Placed {
         }
     }
 
-    fn stand_obstacles(&mut self, view: &View<'_>, windows: &Windows<'_>, column: usize, scale: Scale) {
+    fn stand_obstacles(&mut self, view: &View<'_>, windows: &Windows<'_>, column: usize, max_range_m: f64) {
         let grid = windows.grid;
         let mut foot_row = windows.stereo_end.map_or(grid.rows(), |end| end[column]);
         let [left, right] = grid.x(column);
@@ -163,8 +158,8 @@ impl Placed {
                     let v = (foot_row * grid.window_px).min(grid.size[1]) as f64 - 0.5;
                     let ends = [left, right].map(|u| view.on_plane(DVec2::new(u as f64 - 0.5, v)));
                     let [Some(from), Some(to)] = ends else { continue };
-                    if from.length().max(to.length()) <= scale.max_range_m {
-                        self.stand(view, from, to, scale.cell_size_m, like);
+                    if from.length().max(to.length()) <= max_range_m {
+                        self.stand(view, from, to, like);
                     }
                 }
             }
@@ -172,11 +167,11 @@ impl Placed {
     }
 
     /// Assigns what a window is like to the cells along a line of the plane, vehicle frame.
-    fn stand(&mut self, view: &View<'_>, from: DVec3, to: DVec3, cell_size_m: f64, like: Match) {
-        let steps = (2.0 * from.distance(to) / cell_size_m).ceil().clamp(1.0, 1000.0) as usize;
+    fn stand(&mut self, view: &View<'_>, from: DVec3, to: DVec3, like: Match) {
+        let steps = (2.0 * from.distance(to) / CELL_SIZE_M).ceil().clamp(1.0, 1000.0) as usize;
         for step in 0..=steps {
             let place = view.local_from_vehicle * from.lerp(to, step as f64 / steps as f64);
-            let cell = (place / cell_size_m).floor();
+            let cell = (place / CELL_SIZE_M).floor();
             let (x, y) = (cell.x as i64 - self.south_west.x, cell.y as i64 - self.south_west.y);
             let side = 0..SIDE as i64;
             if side.contains(&x) && side.contains(&y) {

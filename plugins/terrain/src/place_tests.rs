@@ -5,8 +5,6 @@ use crate::classify::Match;
 use crate::classify_tests::{classes_of, learned};
 use crate::scene::{Scene, camera, vehicle_from_camera};
 use proptest::prelude::*;
-use rcs_sense::CELL_SIZE_M;
-use rcs_world::MAX_COST;
 
 fn view(camera: &PinholeCamera, local_from_vehicle: Pose) -> View<'_> {
     View { camera, vehicle_from_camera: vehicle_from_camera(), local_from_vehicle }
@@ -21,8 +19,8 @@ fn like(cost: u8) -> Match {
     Match { cost, model: cost / 2 + 1 }
 }
 
-fn cost_at(placed: &Placed, cell_size_m: f64, p_local: DVec3) -> Option<u8> {
-    let cell = (p_local / cell_size_m).floor();
+fn cost_at(placed: &Placed, p_local: DVec3) -> Option<u8> {
+    let cell = (p_local / CELL_SIZE_M).floor();
     let (x, y) = (cell.x as i64 - placed.south_west.x, cell.y as i64 - placed.south_west.y);
     let side = 0..SIDE as i64;
     (side.contains(&x) && side.contains(&y)).then(|| placed.costs[y as usize * SIDE + x as usize])
@@ -35,17 +33,13 @@ fn ground_lands_on_the_plane_and_a_wall_stands_where_the_ground_ends() {
     for pose in [Pose::IDENTITY, Pose::from_rpy(DVec3::new(31.7, -12.3, 4.0), 0.05, -0.08, 2.0)] {
         let scene = Scene::new(size, pose, 5.0, 20.0, 7);
         let (grid, classes) = classes_of(&scene, &learned(), 16);
-        let placed = place(
-            &view(&camera, pose),
-            &windows(&grid, &classes, None),
-            Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 },
-        );
+        let placed = place(&view(&camera, pose), &windows(&grid, &classes, None), 20.0);
         let (mut walls, mut grounds) = (0, 0);
         for y in -10..=10 {
             let y = f64::from(y) * 0.1;
             for x in 2..90 {
                 let x = f64::from(x) * 0.2;
-                let cost = cost_at(&placed, CELL_SIZE_M, pose * DVec3::new(x, y, 0.0)).unwrap();
+                let cost = cost_at(&placed, pose * DVec3::new(x, y, 0.0)).unwrap();
                 // Windows of 16 pixels are 0.35 m deep on the ground in front of the wall.
                 if x < 1.2 {
                     assert_eq!(cost, UNKNOWN_COST, "below the image: {x}, {y}");
@@ -63,31 +57,6 @@ fn ground_lands_on_the_plane_and_a_wall_stands_where_the_ground_ends() {
     }
 }
 
-#[test]
-fn the_wide_map_holds_what_the_narrow_one_does() {
-    let size = [320, 240];
-    let (camera, pose) = (camera(size), Pose::from_xy_yaw(5.0, 5.0, 0.3));
-    let scene = Scene::new(size, pose, 9.0, 20.0, 7);
-    let (grid, classes) = classes_of(&scene, &learned(), 8);
-    let near = place(
-        &view(&camera, pose),
-        &windows(&grid, &classes, None),
-        Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 },
-    );
-    let wide = place(
-        &view(&camera, pose),
-        &windows(&grid, &classes, None),
-        Scale { cell_size_m: 0.6, max_range_m: 40.0 },
-    );
-    let area = |placed: &Placed, size: f64| placed.cells() as f64 * size * size;
-    let (near_area, wide_area) = (area(&near, CELL_SIZE_M), area(&wide, 0.6));
-    assert!((near_area / wide_area - 1.0).abs() < 0.25, "{near_area} m² and {wide_area} m²");
-    assert!(
-        wide.costs.iter().any(|&cost| (240..=MAX_COST).contains(&cost))
-            && wide.costs.iter().any(|&cost| cost < 10)
-    );
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20))]
     #[test]
@@ -100,7 +69,7 @@ proptest! {
             .map(|i| match crate::scene::noise(i, 0, seed) % 3 { 0 => Class::Unclassified, 1 => Class::Skipped, _ => Class::Traversable(like((i % 100) as u8)) })
             .collect();
         let view = view(&camera, pose);
-        let placed = place(&view, &windows(&grid, &classes, None), Scale { cell_size_m: CELL_SIZE_M, max_range_m: 15.0 });
+        let placed = place(&view, &windows(&grid, &classes, None), 15.0);
         for (at, &cost) in placed.costs.iter().enumerate() {
             let index = placed.south_west.offset((at % SIDE) as i64, (at / SIDE) as i64);
             let middle = DVec2::new(index.x as f64 + 0.5, index.y as f64 + 0.5) * CELL_SIZE_M;
@@ -162,16 +131,12 @@ fn obstacles_beyond_stereo_stand_at_its_end_unless_ground_comes_between() {
         classes[row * grid.columns() + 25] =
             if ground { Class::Traversable(like(5)) } else { Class::NotTraversable(like(230)) };
     }
-    let placed = place(
-        &view,
-        &windows(&grid, &classes, Some(&end)),
-        Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 },
-    );
+    let placed = place(&view, &windows(&grid, &classes, Some(&end)), 20.0);
     let foot = |column: usize, row: usize| {
         view.on_plane(DVec2::new(column as f64 * 16.0 + 7.5, row as f64 * 16.0 - 0.5)).unwrap()
     };
-    assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(20, 18)), Some(240));
-    assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(25, 16)), Some(230));
+    assert_eq!(cost_at(&placed, foot(20, 18)), Some(240));
+    assert_eq!(cost_at(&placed, foot(25, 16)), Some(230));
     for (&cost, &model) in placed.costs.iter().zip(&placed.models) {
         assert_eq!(model, if cost == UNKNOWN_COST { 0 } else { like(cost).model });
     }
