@@ -10,7 +10,7 @@
 //! | term | what |
 //! | --- | --- |
 //! | terrain | from the table, by the fused cost of the cell; another entry for unknown cells; the mean of the cells that the vehicle covers there |
-//! | clearance | grows towards obstacles, from the desired clearance to the least one, with the square of what lacks |
+//! | clearance | grows towards obstacles, from the desired clearance to the least one, with the cube of what lacks |
 //! | heading | less ahead of the vehicle, more behind it; fades with the distance from it |
 //! | memory | negative: along a way that an earlier run has driven; a share of terrain and clearance, because it was free and wide enough; fades with the distance |
 //! | previous | negative: along the path that was planned before; a share of the terrain's cost; so that the vehicle does not waver between paths that cost nearly the same |
@@ -217,7 +217,7 @@ impl Terrain {
                 let lacks = (rules.wish_room_m - room_m) / (rules.wish_room_m - rules.least_room_m).max(1e-9);
                 let lacks = lacks.clamp(0.0, 1.0);
                 (room_m >= least_room_m || squared > bound * bound)
-                    .then_some((rules.clearance * lacks * lacks) as f32)
+                    .then_some((rules.clearance * lacks * lacks * lacks) as f32)
             }
         };
         let squares = 0..=(bound + 1) * (bound + 1);
