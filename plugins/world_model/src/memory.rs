@@ -4,7 +4,7 @@
 use crate::proto::MapMemory;
 use rcs_geom::{DVec2, Utm};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, PackedElementField};
+use rcs_msg::foxglove::Grid;
 use rcs_sense::GridFrame;
 use rcs_world::{
     GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source, SourceKind,
@@ -273,16 +273,10 @@ pub fn statement(
     frame_id: &str,
     time: Stamp,
 ) -> Grid {
-    let field = |name: &str, offset| PackedElementField {
-        name: format!("{name}.{source}"),
-        offset,
-        r#type: NumericType::Uint8.into(),
-    };
     let known = |cost: u8| if cost == UNKNOWN_COST { 0 } else { confidence };
     let backing = |cost: u8| if cost < OBSTACLE_COST { GROUND_BACKING } else { 0 };
     let data = costs.iter().flat_map(|&cost| [cost, known(cost), backing(cost)]).collect();
-    let fields = vec![field("cost", 0), field("conf", 1), field("backing", 2)];
-    frame.message(frame_id, time, fields, 3, data)
+    frame.message_of_bytes(source, &["cost", "conf", "backing"], data, frame_id, time)
 }
 
 #[cfg(test)]
