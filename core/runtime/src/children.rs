@@ -95,6 +95,23 @@ pub struct ChildReport {
     /// The sender of the command that it obeys, if that is not this supervisor: the operator. Then `state` is the
     /// child's own.
     pub obeys_another: Option<String>,
+    /// Whether its status shows that it has accepted the last command of this supervisor and obeys it.
+    pub obeys_last: bool,
+    /// Whether the last command of this supervisor has arrived, and the child obeys another one: it refused that
+    /// command because the operator had the authority, or the operator has commanded it since.
+    pub is_overruled: bool,
+}
+
+impl ChildReport {
+    /// What is wrong with the child, if it has failed: its name and its reason.
+    pub fn failure(&self) -> Option<String> {
+        let word = match self.state {
+            ChildState::Error => "is in ERROR",
+            ChildState::Silent => "is silent",
+            ChildState::Uninitialized | ChildState::Exec | ChildState::Done => return None,
+        };
+        Some(format!("{} {word}: {}", self.name, self.text))
+    }
 }
 
 /// The children of a node: where their statuses and commands are, and what was sent to them.
@@ -162,8 +179,26 @@ impl ChildLinks {
 
     /// Whether it obeys another commander, who has the authority over it, or had it when the last command arrived.
     pub(crate) fn obeys_another(&self, status: &rcs::Status, sent: u64) -> bool {
-        let another = |name: &str| !name.is_empty() && *name != *self.me;
-        another(&status.commander) && (another(&status.owner) || status.supervisor_serial >= sent)
+        self.is_another(&status.commander)
+            && (self.is_another(&status.owner) || status.supervisor_serial >= sent)
+    }
+
+    /// Whether it has accepted the last command sent, and no other one since.
+    pub(crate) fn obeys_last(&self, status: &rcs::Status, sent: u64) -> bool {
+        let is_echoed = *status.commander == *self.me && status.echo_serial == sent;
+        sent > 0 && is_echoed && self.refusal(status, sent).is_none()
+    }
+
+    /// Whether the last command sent has arrived, and it obeys another one: of the operator, or an older one.
+    pub(crate) fn is_overruled(&self, status: &rcs::Status, sent: u64) -> bool {
+        if self.is_another(&status.commander) {
+            return status.supervisor_serial >= sent;
+        }
+        sent > 0 && status.supervisor_serial == sent && status.echo_serial != sent
+    }
+
+    fn is_another(&self, name: &str) -> bool {
+        !name.is_empty() && *name != *self.me
     }
 
     /// State of a child that is not silent.
@@ -242,5 +277,44 @@ mod tests {
         assert_eq!(seen(5, Some(&refused(false))), ChildState::Error);
         assert_eq!(seen(5, Some(&refused(true))), ChildState::Exec, "the operator's command holds");
         assert_eq!(seen(6, Some(&refused(false))), ChildState::Exec, "that was the command before");
+    }
+
+    #[test]
+    fn a_command_is_overruled_when_it_has_arrived_and_the_child_obeys_another_one() {
+        let links = ChildLinks { me: "boss".into(), ..ChildLinks::default() };
+        let answer = |status: &rcs::Status| (links.obeys_last(status, 5), links.is_overruled(status, 5));
+        let waits = (false, false);
+        let (obeys, overruled) = ((true, false), (false, true));
+        assert_eq!(answer(&status(Exec, "boss", 5, 5)), obeys);
+        assert_eq!(answer(&status(Exec, "boss", 4, 4)), waits, "it has not arrived");
+        assert_eq!(answer(&status(Exec, "operator", 9, 4)), waits, "it has not arrived");
+        assert_eq!(answer(&status(Exec, "boss", 4, 5)), overruled, "refused, and the one before is in force");
+        assert_eq!(answer(&status(Exec, "", 0, 5)), overruled, "refused, and there was none before");
+        assert_eq!(answer(&status(Exec, "operator", 5, 5)), overruled, "an equal serial of the operator's");
+        let writer = "boss".to_owned();
+        let refused = Some(rcs::Refusal { writer, serial: 5, ..rcs::Refusal::default() });
+        let invalid = rcs::Status { refused, ..status(Error, "boss", 5, 5) };
+        assert_eq!(answer(&invalid), waits, "it cannot obey the command, and nobody overruled it");
+    }
+
+    #[test]
+    fn a_failure_has_the_name_of_the_child_and_its_reason() {
+        let failure = |state| {
+            let report = ChildReport {
+                name: "child".into(),
+                state,
+                text: "blind".to_owned(),
+                is_ours: true,
+                obeys_another: None,
+                obeys_last: true,
+                is_overruled: false,
+            };
+            report.failure()
+        };
+        assert_eq!(failure(ChildState::Error).as_deref(), Some("child is in ERROR: blind"));
+        assert_eq!(failure(ChildState::Silent).as_deref(), Some("child is silent: blind"));
+        for state in [ChildState::Uninitialized, ChildState::Exec, ChildState::Done] {
+            assert_eq!(failure(state), None);
+        }
     }
 }

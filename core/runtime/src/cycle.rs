@@ -235,6 +235,8 @@ impl Cycle<'_> {
             obeys_another: status
                 .filter(|status| self.child_links.obeys_another(status, sent))
                 .map(|status| status.commander.clone()),
+            obeys_last: status.is_some_and(|status| self.child_links.obeys_last(status, sent)),
+            is_overruled: status.is_some_and(|status| self.child_links.is_overruled(status, sent)),
         })
     }
 

@@ -20,7 +20,7 @@
 //! - `INIT` is sent to all children at once; the supervisor is `DONE` when all children are.
 //! - `RUN` is sent to all children at once; the supervisor is in `EXEC` from then on.
 //! - `HALT` is sent to the vehicle interface; when that stands, or after `halt_timeout_s`, to all others. The
-//!   supervisor is `DONE` when all children are.
+//!   supervisor is `DONE` when all children are, except those that obey the operator, which its text names.
 //! - `SAVE` and `CLEAR`, while it runs, are passed on to the children with maps, which save or forget them; nothing else
 //!   changes.
 //!
@@ -31,9 +31,11 @@
 //! supervisor above sees the `ERROR` and does the same, so a failure at any level reaches the vehicle interface within
 //! one period of each level.
 //!
-//! A child under the operator's authority receives no orders from the supervisor. When the operator gives it back with
-//! `RELEASE`, it receives the current order again. When the operator's authority has lapsed instead, it does not: what
-//! the operator halted stays halted until it is commanded again.
+//! A child under the operator's authority refuses the orders of the supervisor. When the operator gives it back with
+//! `RELEASE` and it does not obey the current order, it receives that order again: this is `HALT` for the vehicle
+//! interface after a failure. Until then, the status of the supervisor says that it cannot stop the vehicle; it says
+//! that it has stopped the vehicle when the vehicle interface has accepted `HALT`. When the operator's authority has
+//! lapsed instead, the order is not sent again: what the operator halted stays halted until it is commanded again.
 //!
 //! # Where to begin
 //!

@@ -35,9 +35,9 @@ rcs_runtime::commands! {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Supervisor {
     runs: bool,
-    /// Why the vehicle interface was halted while this supervisor runs.
+    /// Why the vehicle interface is to be halted while this supervisor runs.
     stopped: Option<String>,
-    /// When `HALT` was sent to the vehicle interface.
+    /// When `HALT` was last sent to the vehicle interface.
     halting: Option<Stamp>,
     /// Whether the other children have been sent `HALT`, too.
     all_halted: bool,
@@ -90,11 +90,7 @@ impl Process for Supervisor {
             *self = Self::default();
         }
         order(ports, &Order::Init, cx.is_new_command(), cx);
-        match await_all(ports, cx) {
-            Wait::Done => cx.done("all children are initialized"),
-            Wait::For(name) => cx.exec(format!("waits for {name}")),
-            Wait::Failed(why) => cx.error(why),
-        }
+        await_all(ports, "initialized", cx);
     }
 
     fn cycle(&mut self, ports: &Ports, _params: &SupervisorParams, cx: &mut Cycle<'_>) {
@@ -103,15 +99,13 @@ impl Process for Supervisor {
         if is_run {
             *self = Self { runs: true, ..Self::default() };
         }
-        if self.stopped.is_none() {
-            order(ports, &Order::Run, is_run, cx);
-        } else {
-            order_others(ports, &Order::Run, is_run, cx);
-        }
+        let to_vehicle_interface = if self.stopped.is_none() { Order::Run } else { Order::Halt };
+        order_child(&ports.vehicle_interface, &to_vehicle_interface, is_run, cx);
+        order_others(ports, &Order::Run, is_run, cx);
         for command in own {
             pass_on(ports, &command, cx);
         }
-        let failed = |child: &Child<NoCommands>| cx.child(child).and_then(|report| failure(&report));
+        let failed = |child: &Child<NoCommands>| cx.child(child).and_then(|report| report.failure());
         let vehicle_interface = failed(&ports.vehicle_interface);
         let essential =
             vehicle_interface.or_else(|| cx.members(&ports.essential).find_map(|child| failed(&child)));
@@ -123,7 +117,10 @@ impl Process for Supervisor {
             self.stopped = Some(why.clone());
         }
         match (&self.stopped, essential, auxiliary.or_else(|| taken(ports, cx))) {
-            (Some(why), ..) => cx.error(format!("has stopped the vehicle: {why}")),
+            (Some(why), ..) => {
+                let text = stop_text(ports, why, cx);
+                cx.error(text);
+            }
             (None, Some(why), _) => cx.error(why),
             (None, None, Some(what)) => cx.exec(format!("runs; {what}")),
             (None, None, None) => cx.exec("all children run"),
@@ -131,10 +128,12 @@ impl Process for Supervisor {
     }
 
     fn halt(&mut self, ports: &Ports, params: &SupervisorParams, cx: &mut Cycle<'_>) {
-        let now = cx.now();
-        if cx.is_new_command() {
-            *self = Self { halting: Some(now), ..Self::default() };
-            cx.send(&ports.vehicle_interface, Order::Halt);
+        let (now, is_new) = (cx.now(), cx.is_new_command());
+        if is_new {
+            *self = Self::default();
+        }
+        if order_child(&ports.vehicle_interface, &Order::Halt, is_new, cx) {
+            self.halting = Some(now);
         }
         let stands = match cx.child_state(&ports.vehicle_interface) {
             None | Some(ChildState::Done | ChildState::Error | ChildState::Silent) => true,
@@ -143,42 +142,52 @@ impl Process for Supervisor {
             }
         };
         if !stands && !self.all_halted {
-            return cx.exec("waits for the vehicle to stand");
+            let text = "waits for the vehicle to stand";
+            return match taken(ports, cx) {
+                Some(what) => cx.exec(format!("{text}; {what}")),
+                None => cx.exec(text),
+            };
         }
-        if !self.all_halted {
-            self.all_halted = true;
-            for child in others(ports, cx) {
-                cx.send(&child, Order::Halt);
-            }
-        }
-        match await_all(ports, cx) {
-            Wait::Done => cx.done("all children are halted"),
-            Wait::For(name) => cx.exec(format!("waits for {name}")),
-            Wait::Failed(why) => cx.error(why),
-        }
+        order_others(ports, &Order::Halt, !self.all_halted, cx);
+        self.all_halted = true;
+        await_all(ports, "halted", cx);
     }
 }
 
-/// Sends an order to all children: in the cycle in which the supervisor received it, and later to children that the
-/// operator gives back.
+/// Sends an order to all children: see [`order_child`].
 fn order(ports: &Ports, order: &Order<NoCommands>, is_new: bool, cx: &mut Cycle<'_>) {
-    if wants_order(&ports.vehicle_interface, is_new, cx) {
-        cx.send(&ports.vehicle_interface, order.clone());
-    }
+    order_child(&ports.vehicle_interface, order, is_new, cx);
     order_others(ports, order, is_new, cx);
 }
 
 /// Sends an order to all children except the vehicle interface.
 fn order_others(ports: &Ports, order: &Order<NoCommands>, is_new: bool, cx: &mut Cycle<'_>) {
     for child in others(ports, cx) {
-        if wants_order(&child, is_new, cx) {
-            cx.send(&child, order.clone());
-        }
+        order_child(&child, order, is_new, cx);
     }
 }
 
-fn wants_order(child: &Child<NoCommands>, is_new: bool, cx: &Cycle<'_>) -> bool {
-    is_new || cx.child(child).is_some_and(|report| report.is_ours && report.obeys_another.is_some())
+/// Sends an order to a child: in the cycle in which the supervisor received it, and later when the operator gives back
+/// a child that does not obey it. Returns whether it was sent.
+fn order_child(
+    child: &Child<NoCommands>,
+    order: &Order<NoCommands>,
+    is_new: bool,
+    cx: &mut Cycle<'_>,
+) -> bool {
+    let is_given_back = |report: ChildReport| report.is_ours && report.is_overruled;
+    (is_new || cx.child(child).is_some_and(is_given_back)) && cx.send(child, order.clone())
+}
+
+/// Whether the vehicle interface obeys the `HALT` that is sent to it for this reason.
+fn stop_text(ports: &Ports, why: &str, cx: &Cycle<'_>) -> String {
+    match cx.child(&ports.vehicle_interface) {
+        Some(report) if report.obeys_last => format!("has stopped the vehicle: {why}"),
+        Some(report) if report.is_overruled => {
+            format!("cannot stop the vehicle, because the operator has taken {}: {why}", report.name)
+        }
+        _ => format!("stops the vehicle: {why}"),
+    }
 }
 
 /// All children except the vehicle interface.
@@ -216,39 +225,33 @@ fn tell<C: CommandSet + Clone>(children: &Children<C>, command: &C, cx: &mut Cyc
     is_any
 }
 
-/// Name of a child that is not under this supervisor's authority.
+/// All children as this supervisor sees them.
+fn reports(ports: &Ports, cx: &Cycle<'_>) -> Vec<ChildReport> {
+    let children = [ports.vehicle_interface].into_iter().chain(others(ports, cx));
+    children.filter_map(|child| cx.child(&child)).collect()
+}
+
+/// The children that obey the operator, or do not obey their order because the operator has taken them.
 fn taken(ports: &Ports, cx: &Cycle<'_>) -> Option<String> {
-    let children = [ports.vehicle_interface].into_iter().chain(others(ports, cx));
-    let mut reports = children.filter_map(|child| cx.child(&child));
-    reports.find_map(|report| report.obeys_another.map(|who| format!("{} obeys {who}", report.name)))
+    let what = |report: &ChildReport| match &report.obeys_another {
+        Some(who) => Some(format!("{} obeys {who}", report.name)),
+        None => report.is_overruled.then(|| format!("the operator has taken {}", report.name)),
+    };
+    let taken: Vec<String> = reports(ports, cx).iter().filter_map(what).collect();
+    (!taken.is_empty()).then(|| taken.join(", "))
 }
 
-/// Whether all children have completed their order.
-enum Wait {
-    Done,
-    For(String),
-    Failed(String),
-}
-
-fn await_all(ports: &Ports, cx: &Cycle<'_>) -> Wait {
-    let children = [ports.vehicle_interface].into_iter().chain(others(ports, cx));
-    let reports: Vec<ChildReport> = children.filter_map(|child| cx.child(&child)).collect();
-    if let Some(why) = reports.iter().find_map(failure) {
-        return Wait::Failed(why);
+/// `DONE` when all children that obey this supervisor have completed their order; the text names the others.
+fn await_all(ports: &Ports, done: &str, cx: &mut Cycle<'_>) {
+    let reports = reports(ports, cx);
+    if let Some(why) = reports.iter().find_map(ChildReport::failure) {
+        return cx.error(why);
     }
     let waits = |report: &&ChildReport| report.state != ChildState::Done && report.obeys_another.is_none();
-    match reports.iter().find(waits) {
-        Some(report) => Wait::For(report.name.to_string()),
-        None => Wait::Done,
+    match (reports.iter().find(waits), taken(ports, cx)) {
+        (Some(report), Some(what)) => cx.exec(format!("waits for {}; {what}", report.name)),
+        (Some(report), None) => cx.exec(format!("waits for {}", report.name)),
+        (None, Some(what)) => cx.done(format!("all other children are {done}; {what}")),
+        (None, None) => cx.done(format!("all children are {done}")),
     }
-}
-
-/// What is wrong with a child: its name and its reason.
-fn failure(report: &ChildReport) -> Option<String> {
-    let word = match report.state {
-        ChildState::Error => "is in ERROR",
-        ChildState::Silent => "is silent",
-        ChildState::Uninitialized | ChildState::Exec | ChildState::Done => return None,
-    };
-    Some(format!("{} {word}: {}", report.name, report.text))
 }

@@ -207,6 +207,14 @@ impl Bench {
         self.write(format!("/{process}/command"), command);
     }
 
+    /// The operator keeps a process, whose authority lasts one second, for a multiple of half a second.
+    fn hold(&mut self, process: &str, by_ms: u64) {
+        for _ in 0..by_ms / 500 {
+            self.say(process, "TAKE");
+            self.forward(500);
+        }
+    }
+
     /// What happens to a part from now on: nothing, an error, or a panic.
     fn fate(&mut self, part: &str, why: &str) {
         let state = if why.is_empty() { rcs::ProcessState::Exec } else { rcs::ProcessState::Error };
@@ -343,6 +351,129 @@ fn what_the_operator_halted_stays_halted_until_it_is_given_back() {
     bench.forward(200);
     bench.expect("wheels", Exec, "drives");
     assert_eq!(bench.status("wheels").commander, "robot");
+}
+
+#[test]
+fn a_vehicle_interface_that_the_operator_has_taken_is_stopped_when_it_is_given_back() {
+    let why = "perception is in ERROR: camera is in ERROR: blind";
+    let cannot = format!("cannot stop the vehicle, because the operator has taken wheels: {why}");
+    let has = format!("has stopped the vehicle: {why}");
+    for command in ["TAKE", "RUN"] {
+        let mut bench = Bench::new();
+        bench.say("wheels", command);
+        bench.forward(100);
+        bench.fate("camera", "blind");
+        bench.forward(200);
+        bench.expect("wheels", Exec, "drives");
+        bench.expect("robot", Error, &cannot);
+        bench.say("wheels", "RELEASE");
+        bench.forward(200);
+        bench.expect("wheels", Exec, "brakes");
+        bench.expect("robot", Error, &has);
+        bench.forward(600);
+        bench.expect("wheels", Done, "stands");
+
+        // What the operator has moved since is stopped again.
+        bench.say("wheels", "RUN");
+        bench.forward(100);
+        bench.expect("wheels", Exec, "drives");
+        bench.expect("robot", Error, &cannot);
+        bench.say("wheels", "RELEASE");
+        bench.forward(800);
+        bench.expect("wheels", Done, "stands");
+        bench.expect("robot", Error, &has);
+    }
+}
+
+#[test]
+fn the_vehicle_is_not_called_stopped_before_its_interface_has_accepted_halt() {
+    let mut bench = Bench::new();
+    bench.fate("camera", "blind");
+    let mut texts: Vec<String> = Vec::new();
+    for _ in 0..20 {
+        bench.forward(10);
+        let (robot, wheels) = (bench.status("robot").state_text, bench.status("wheels").command);
+        if robot.starts_with("has stopped") {
+            assert_eq!(wheels, "HALT");
+        }
+        if texts.last() != Some(&robot) {
+            texts.push(robot);
+        }
+    }
+    let why = "perception is in ERROR: camera is in ERROR: blind";
+    let stop = [format!("stops the vehicle: {why}"), format!("has stopped the vehicle: {why}")];
+    assert_eq!(texts, ["all children run".to_owned()].into_iter().chain(stop).collect::<Vec<_>>());
+}
+
+#[test]
+fn an_order_that_is_refused_while_the_operator_has_a_child_is_sent_when_it_is_given_back() {
+    let mut bench = Bench::new();
+    bench.say("robot", "HALT");
+    bench.forward(1000);
+    bench.expect("robot", Done, "all children are halted");
+    bench.say("wheels", "TAKE");
+    bench.forward(100);
+    bench.say("robot", "RUN");
+    bench.forward(200);
+    bench.expect("robot", Exec, "runs; the operator has taken wheels");
+    bench.expect("wheels", Done, "stands");
+    bench.say("wheels", "RELEASE");
+    bench.forward(200);
+    bench.expect("robot", Exec, "all children run");
+    bench.expect("wheels", Exec, "drives");
+}
+
+#[test]
+fn halt_names_a_child_that_obeys_the_operator_and_halts_it_when_it_is_given_back() {
+    let mut bench = Bench::new();
+    bench.say("lamp", "RUN");
+    bench.say("robot", "HALT");
+    bench.hold("lamp", 1500);
+    bench.expect("lamp", Exec, "works");
+    bench.expect("robot", Done, "all other children are halted; lamp obeys operator");
+    bench.say("lamp", "RELEASE");
+    bench.forward(200);
+    bench.expect("lamp", Done, "halted");
+    bench.expect("robot", Done, "all children are halted");
+}
+
+#[test]
+fn halt_stands_a_vehicle_interface_that_the_operator_gives_back_after_the_timeout() {
+    let mut bench = Bench::new();
+    bench.say("wheels", "RUN");
+    bench.say("robot", "HALT");
+    bench.hold("wheels", 1000);
+    bench.expect("wheels", Exec, "drives");
+    bench.expect("robot", Exec, "waits for the vehicle to stand; wheels obeys operator");
+    bench.expect("camera", Exec, "works");
+    bench.hold("wheels", 2500);
+    bench.expect("wheels", Exec, "drives");
+    bench.expect("robot", Done, "all other children are halted; wheels obeys operator");
+    bench.say("wheels", "RELEASE");
+    bench.forward(200);
+    bench.expect("wheels", Exec, "brakes");
+    bench.expect("robot", Exec, "waits for wheels");
+    bench.forward(600);
+    bench.expect("wheels", Done, "stands");
+    bench.expect("robot", Done, "all children are halted");
+}
+
+#[test]
+fn the_timeout_of_halt_begins_again_when_a_vehicle_interface_is_given_back() {
+    let mut bench = Bench::new();
+    bench.say("robot", "HALT");
+    bench.hold("wheels", 2500);
+    bench.expect("wheels", Exec, "drives");
+    bench.expect("robot", Exec, "waits for the vehicle to stand; the operator has taken wheels");
+    bench.forward(200);
+    bench.say("wheels", "RELEASE");
+    bench.forward(450);
+    bench.expect("wheels", Exec, "brakes");
+    bench.expect("robot", Exec, "waits for the vehicle to stand");
+    bench.expect("camera", Exec, "works");
+    bench.forward(1000);
+    bench.expect("wheels", Done, "stands");
+    bench.expect("robot", Done, "all children are halted");
 }
 
 #[test]
