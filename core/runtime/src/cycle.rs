@@ -2,6 +2,7 @@
 
 use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children};
 use crate::command::{CommandSet, Obeys, Order};
+use crate::node::Input;
 use crate::pool::Pool;
 use crate::ports::{In, Out};
 use crate::register::Register;
@@ -20,6 +21,7 @@ use std::sync::Arc;
 pub struct Cycle<'a> {
     pub(crate) now: Stamp,
     pub(crate) inputs: &'a mut [InputView],
+    pub(crate) wired: &'a [Option<Input>],
     pub(crate) staged: &'a mut Vec<Staged>,
     pub(crate) status: &'a mut StatusCell,
     pub(crate) register: &'a mut Register,
@@ -117,6 +119,11 @@ impl Cycle<'_> {
     /// The newest message of a port, read or unread.
     pub fn latest<T: Payload>(&self, port: &In<T>) -> Option<Msg<T>> {
         Msg::from_sample(self.inputs[port.index].latest.clone()?)
+    }
+
+    /// Whether the stack connects a port. One that it connects may still have no message.
+    pub fn is_wired<T>(&self, port: &In<T>) -> bool {
+        self.wired[port.index].is_some()
     }
 
     /// Number of messages of a port since the last cycle that were dropped before this process could read them.

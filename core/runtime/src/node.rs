@@ -74,7 +74,7 @@ impl NewMessages {
     }
 }
 
-struct Input {
+pub(crate) struct Input {
     reader: Reader,
     depth: usize,
 }
@@ -265,6 +265,7 @@ impl Node {
         let mut cycle = Cycle {
             now,
             inputs: &mut self.views,
+            wired: &self.inputs,
             staged: &mut self.staged,
             status: &mut self.status,
             register: &mut self.register,

@@ -55,12 +55,15 @@ const LARGEST_M: f64 = 9.0;
 /// Places that are this near to each other are one obstacle, m: the vehicle tried to get past the first one there.
 const BESIDE_M: f64 = 1.0;
 
-/// A place to bar, given the vehicle's position, m, and the places that are barred. Beside one of those it is larger than
-/// that one, on the same side of the vehicle: ground on which the wheels slip again reaches farther than was thought.
+/// A place to bar, given the vehicle's position, m, and the places that are barred. Beside one of those, of the same kind,
+/// it is larger than that one, on the same side of the vehicle: ground on which the wheels slip again reaches farther than
+/// was thought.
 pub fn grown(place: Barred, vehicle: DVec2, before: &[Barred]) -> Barred {
     let at = DVec2::from(place.at);
-    let is_beside =
-        |other: &&Barred| at.distance(DVec2::from(other.at)) <= place.radius_m + other.radius_m + BESIDE_M;
+    let is_beside = |other: &&Barred| {
+        let away_m = at.distance(DVec2::from(other.at));
+        other.slipped == place.slipped && away_m <= place.radius_m + other.radius_m + BESIDE_M
+    };
     let largest_m = before.iter().filter(is_beside).map(|other| other.radius_m * GROWTH).fold(0.0, f64::max);
     let radius_m = largest_m.min(LARGEST_M).max(place.radius_m);
     let away = (at - vehicle).normalize_or_zero();
@@ -112,6 +115,8 @@ mod tests {
         let first = place(2.5, 0.0, 2.0);
         assert_eq!(grown(first, vehicle, &[]), first);
         assert_eq!(grown(first, vehicle, &[place(2.5, 8.0, 2.0)]), first, "another place");
+        let other_kind = Barred { slipped: false, ..place(2.5, 3.0, 2.0) };
+        assert_eq!(grown(first, vehicle, &[other_kind]), first, "nothing slipped there");
         let second = grown(first, vehicle, &[place(2.5, 3.0, 2.0)]);
         assert_eq!(second, place(3.5, 0.0, 3.0));
         let mut places = vec![place(2.5, 3.0, 2.0)];

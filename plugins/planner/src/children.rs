@@ -28,9 +28,8 @@ impl Children {
         to_follower: &Order<NoCommands>,
         cx: &mut Cycle<'_>,
     ) -> bool {
-        let again = |report: Option<ChildReport>| {
-            report.is_some_and(|report| report.is_ours && report.obeys_another.is_some())
-        };
+        let again =
+            |report: Option<ChildReport>| report.is_some_and(|report| report.is_ours && report.is_overruled);
         let mut forgotten = false;
         for planner in [&self.planner, &self.far_planner] {
             if cx.is_new_command() || again(cx.child(planner)) {
@@ -60,7 +59,7 @@ impl Children {
     pub(crate) fn await_all(&self, done: &'static str, cx: &mut Cycle<'_>) {
         let reports = [cx.child(&self.planner), cx.child(&self.follower), cx.child(&self.far_planner)];
         let mut reports = reports.iter().flatten().filter(|report| report.obeys_another.is_none());
-        if let Some(failed) = reports.clone().find_map(failure) {
+        if let Some(failed) = reports.clone().find_map(ChildReport::failure) {
             return cx.error(failed);
         }
         match reports.find(|report| report.state != ChildState::Done) {
@@ -70,24 +69,20 @@ impl Children {
     }
 
     /// The state of the generator while it runs: that of its children, with a note. Without a path on the far map, the
-    /// planner plans to the goal itself.
-    pub(crate) fn tell(&self, note: &str, cx: &mut Cycle<'_>) {
+    /// planner plans to the goal itself; while it `is_led` by that path, it may arrive at a point of it.
+    pub(crate) fn tell(&self, is_led: bool, note: &str, cx: &mut Cycle<'_>) {
         let (planner, follower) = (cx.child(&self.planner), cx.child(&self.follower));
-        let failed = [&planner, &follower].into_iter().flatten().find_map(failure);
+        let failed = [&planner, &follower].into_iter().flatten().find_map(ChildReport::failure);
+        let far = cx.child(&self.far_planner).and_then(|report| report.failure());
+        let note = far.map_or(note.to_owned(), |why| format!("{note}; {why}"));
         match (failed, planner) {
             (Some(why), _) => cx.error(format!("{why}{note}")),
-            (None, Some(planner)) if planner.state == ChildState::Done => cx.done("at the goal"),
+            (None, Some(ChildReport { name, obeys_another: Some(another), .. })) => {
+                cx.exec(format!("{name} obeys {another}{note}"));
+            }
+            (None, Some(planner)) if planner.state == ChildState::Done && !is_led => cx.done("at the goal"),
             (None, Some(planner)) => cx.exec(format!("{}{note}", planner.text)),
             (None, None) => cx.error("there is no planner"),
         }
     }
-}
-
-fn failure(report: &ChildReport) -> Option<String> {
-    let word = match report.state {
-        ChildState::Error => "is in ERROR",
-        ChildState::Silent => "is silent",
-        ChildState::Uninitialized | ChildState::Exec | ChildState::Done => return None,
-    };
-    Some(format!("{} {word}: {}", report.name, report.text))
 }

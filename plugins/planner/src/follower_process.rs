@@ -13,9 +13,9 @@ use crate::settings::{check_costs, rules_of};
 use crate::signals::Watch;
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, DVec3, Pose};
-use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
 use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport, WaySlip};
+use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
@@ -163,17 +163,20 @@ impl Process for WaypointFollower {
         if let Some(why) = too_old("the map", map.acq_time(), params.map_timeout_s) {
             return self.stand(ports, why, cx);
         }
-        if let Some(sensed) = cx.latest(&ports.sensed)
-            && let Some(why) = too_old("what is sensed", sensed.acq_time(), params.sense_timeout_s)
-        {
-            return self.stand(ports, why, cx);
-        }
         // Cameras before a hedge may see nothing that has a cost; if they send nothing, they are broken.
-        for (side, images) in ["left", "right"].iter().zip(&ports.images) {
-            if let Some(image) = cx.latest(images)
-                && let Some(why) =
-                    too_old(&format!("the newest {side} image"), image.acq_time(), params.sense_timeout_s)
-            {
+        let [left, right] = &ports.images;
+        let senses = [
+            ("sensed", "what is sensed", newest(&ports.sensed, cx)),
+            ("left_images", "the newest left image", newest(left, cx)),
+            ("right_images", "the newest right image", newest(right, cx)),
+        ];
+        for (input, what, newest) in senses {
+            let why = match newest {
+                Newest::NotWired => None,
+                Newest::NothingYet => Some(format!("nothing has come at the input {input}")),
+                Newest::At(at) => too_old(what, at, params.sense_timeout_s),
+            };
+            if let Some(why) = why {
                 return self.stand(ports, why, cx);
             }
         }
@@ -198,6 +201,21 @@ impl Process for WaypointFollower {
         self.watch = Watch::default();
         send(ports, 0.0, 0.0, cx);
         cx.done("halted");
+    }
+}
+
+/// The time of the newest message of an input.
+enum Newest {
+    NotWired,
+    NothingYet,
+    At(Stamp),
+}
+
+fn newest<T: Payload>(port: &In<T>, cx: &Cycle<'_>) -> Newest {
+    match cx.latest(port) {
+        Some(message) => Newest::At(message.acq_time()),
+        None if cx.is_wired(port) => Newest::NothingYet,
+        None => Newest::NotWired,
     }
 }
 
@@ -251,6 +269,10 @@ impl WaypointFollower {
     ) -> Option<Mode> {
         if self.memory.table.as_ref().is_none_or(|(text, _)| *text != params.modes) {
             let table = table_of(&params.modes).unwrap_or_default();
+            if self.memory.table.is_some() {
+                // What is remembered of the modes is by their places in the table.
+                self.modes.clear();
+            }
             self.memory.table = Some((params.modes.clone(), table));
         }
         let (_, table) = self.memory.table.as_ref()?;

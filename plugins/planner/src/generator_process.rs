@@ -34,7 +34,9 @@ use serde::{Deserialize, Serialize};
 
 /// The planner of the near map is told another point of the far path when that is this far away, m.
 const LOOKAHEAD_STEP_M: f64 = 1.0;
-/// Distance between the points of the track, m, and their greatest number.
+/// A path of the planner of the far map that came longer ago than this leads nowhere, s: that planner sends ten in this time.
+const FAR_PATH_TIMEOUT_S: f64 = 5.0;
+/// Distance between the points of the track, m, and their greatest number; then the oldest ones are dropped.
 const TRACK_STEP_M: f64 = 0.5;
 const MOST_TRACK: usize = 20_000;
 /// Time between two routes near the goal, s: at most a quarter of a metre.
@@ -75,6 +77,8 @@ pub struct WaypointGenerator {
     is_halted: bool,
     /// The path of the planner of the far map, local frame, m; empty without one.
     far_path: Vec<(f64, f64)>,
+    /// When it came.
+    far_path_at: Option<Stamp>,
     /// Where the vehicle was, global frame, m.
     track: Vec<(f64, f64)>,
     /// The way of this run for the next one.
@@ -221,9 +225,10 @@ impl Process for WaypointGenerator {
         }
         self.take_transforms(ports, params, cx);
         let arrived = self.take_mission(ports, params, cx);
-        if let Some(odometry) = cx.read_newest(&ports.global) {
-            self.error_m = position_error_m(&odometry);
-            self.take_position(&odometry, cx.now());
+        if let Some(odometry) = cx.read_newest(&ports.global)
+            && let Err(why) = self.take_position(&odometry, &params.global_frame, cx.now())
+        {
+            cx.fault(format!("global: {why}; skipped"));
         }
         self.take_way_slip(ports, params, cx);
         self.cut_way(ports, params, cx);
@@ -272,7 +277,7 @@ impl Process for WaypointGenerator {
             let old = "; the local frame in the global one is";
             note = format!("{note}{old} {age_s:.1} s old, and the goal stays where it was");
         }
-        ports.children.tell(&note, cx);
+        ports.children.tell(self.is_led(), &note, cx);
     }
 
     fn halt(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
@@ -301,14 +306,21 @@ impl WaypointGenerator {
         }
     }
 
-    /// Adds a position to the track.
-    fn take_position(&mut self, odometry: &Odometry, now: Stamp) {
-        let Ok(pose) = pose_of(odometry.pose.as_ref(), &odometry.frame_id) else { return };
+    /// Adds a position in the global frame to the track.
+    fn take_position(&mut self, odometry: &Odometry, global_frame: &str, now: Stamp) -> Result<(), String> {
+        if odometry.frame_id != global_frame {
+            return Err(format!("frame is {:?}, expected {global_frame:?}", odometry.frame_id));
+        }
+        self.error_m = position_error_m(odometry);
+        let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
         let at = pose.translation.truncate();
         self.yaw_rad = pose.yaw();
         self.position = Some((at.x, at.y));
         let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
-        if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
+        if step_m >= TRACK_STEP_M {
+            if self.track.len() >= MOST_TRACK {
+                self.track.remove(0);
+            }
             self.began.get_or_insert(now);
             self.track.push((at.x, at.y));
             if let Some((global_from_local, _)) = self.global_from_local {
@@ -316,6 +328,7 @@ impl WaypointGenerator {
                 self.way.add(WayPoint { local, global: at });
             }
         }
+        Ok(())
     }
 
     /// Cuts the way by the map, each time that the vehicle has driven some metres.
@@ -466,9 +479,18 @@ impl WaypointGenerator {
 
     /// Reads the path of the planner of the far map.
     fn take_far_path(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        let Some(path) = cx.read_newest(&ports.far_path) else { return };
+        let now = cx.now();
+        let Some(path) = cx.read_newest(&ports.far_path) else {
+            if self.far_path_at.is_some_and(|at| now.seconds_since(at) > FAR_PATH_TIMEOUT_S) {
+                self.far_path.clear();
+            }
+            return;
+        };
         match points(&path, &params.local_frame) {
-            Ok(points) => self.far_path = points.iter().map(|point| (point.x, point.y)).collect(),
+            Ok(points) => {
+                self.far_path = points.iter().map(|point| (point.x, point.y)).collect();
+                self.far_path_at = Some(now);
+            }
             Err(why) => cx.fault(format!("far_path: {why}; skipped")),
         }
     }
@@ -482,6 +504,11 @@ impl WaypointGenerator {
             ));
         }
         let (error_m, limit_m) = (self.error_m, params.max_error_m);
+        if error_m.is_infinite() {
+            return Some(
+                "the variance of the position is negative, infinite or no number: stands".to_owned(),
+            );
+        }
         (error_m > limit_m)
             .then(|| format!("the position is known to {error_m:.1} m, expected at most {limit_m} m: stands"))
     }
@@ -504,11 +531,12 @@ fn corners(polygon: &Polygon) -> Vec<PlanPoint> {
     polygon.corners().map(|corner| PlanPoint { x_m: corner.x, y_m: corner.y }).collect()
 }
 
-/// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance.
+/// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance; infinite where a
+/// variance is negative or no number, because then the position is not known.
 fn position_error_m(odometry: &Odometry) -> f64 {
-    let variance = |at: usize| odometry.pose_covariance.get(at).copied().filter(|value| value.is_finite());
-    let greatest = variance(0).unwrap_or(0.0).max(variance(7).unwrap_or(0.0));
-    greatest.max(0.0).sqrt()
+    let variance = |at: usize| odometry.pose_covariance.get(at).copied().unwrap_or(0.0);
+    let deviation_m = |variance: f64| if variance >= 0.0 { variance.sqrt() } else { f64::INFINITY };
+    deviation_m(variance(0)).max(deviation_m(variance(7)))
 }
 
 /// Waypoints of the newest path, as soon as it arrives.
@@ -542,4 +570,24 @@ fn send_none(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>
     let now = cx.now();
     let (timestamp, frame_id) = (Some(now.to_proto()), params.local_frame.clone());
     cx.write(&ports.waypoints, now, PosesInFrame { timestamp, frame_id, poses: Vec::new() });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_track_keeps_its_newest_points() {
+        let mut generator = WaypointGenerator::default();
+        for step in 0..=MOST_TRACK + 5 {
+            let pose = Some(pose_message(&Pose::from_xy_yaw(step as f64, 0.0, 0.0)));
+            let odometry = Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() };
+            generator.take_position(&odometry, "global", Stamp(0)).unwrap_or_default();
+        }
+        assert_eq!((generator.track.len(), generator.track[0]), (MOST_TRACK, (6.0, 0.0)));
+        assert_eq!(generator.track.last(), Some(&((MOST_TRACK + 5) as f64, 0.0)));
+        let elsewhere = Odometry { frame_id: "local".to_owned(), ..Odometry::default() };
+        let refused = generator.take_position(&elsewhere, "global", Stamp(0));
+        assert_eq!(refused, Err("frame is \"local\", expected \"global\"".to_owned()));
+    }
 }

@@ -345,7 +345,8 @@ impl Modes {
 
     /// Decides which mode is active from now on. At most one transition happens in a cycle.
     pub fn step(&mut self, table: &Table, signals: &Signals, now: Stamp) -> Option<Transition> {
-        if self.since.len() != table.modes.len() {
+        let conditions = table.modes.iter().map(|mode| mode.enter.len() + mode.exit.len());
+        if !self.since.iter().map(Vec::len).eq(conditions) {
             self.clear();
             self.since =
                 table.modes.iter().map(|mode| vec![None; mode.enter.len() + mode.exit.len()]).collect();

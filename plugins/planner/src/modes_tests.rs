@@ -101,6 +101,21 @@ fn tables_that_cannot_work_are_refused() {
 }
 
 #[test]
+fn another_table_with_as_many_modes_begins_anew() {
+    let (table, mut modes) = (Table::parse(TABLE).unwrap(), Modes::default());
+    assert!(modes.step(&table, &with(&[(Signal::Bumper, 1.0)]), at(0)).is_some());
+    // The first mode of the other table has more conditions.
+    let more = "{ signal = \"bumper\", at_least = 1.0 }, { signal = \"slip\", at_least = 0.5 }, \
+                { signal = \"room_m\", at_most = 0.4 }, { signal = \"mode_s\", at_least = 0.0 }";
+    let other = TABLE.replacen("{ signal = \"bumper\", at_least = 1.0 }", more, 1);
+    let other = Table::parse(&other).unwrap();
+    assert_eq!(modes.step(&other, &with(&[(Signal::Bumper, 1.0)]), at(50)), None);
+    assert_eq!(modes.active(), None);
+    let all = with(&[(Signal::Bumper, 1.0), (Signal::Slip, 0.6), (Signal::RoomM, 0.3)]);
+    assert_eq!(to(modes.step(&other, &all, at(100))).as_deref(), Some("REVERSE"));
+}
+
+#[test]
 fn of_the_bundled_modes_those_of_slip_alone_bar_a_place_for_the_next_run() {
     let table = Table::parse(include_str!("../../../assets/modes/lagr.toml")).unwrap();
     let of_slip = table.modes.iter().filter(|mode| mode.is_of_slip() && mode.bars_m > 0.0);

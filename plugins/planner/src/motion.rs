@@ -96,7 +96,7 @@ pub(crate) fn reversed(
         return (None, [speed_mps, 0.0]);
     };
     let side = if number.is_multiple_of(2) { 1.0 } else { -1.0 };
-    let speed_mps = -style.max_speed_mps;
+    let speed_mps = -style.backward_speed_mps.min(style.stops_mps(scored[at].free_m));
     let bend = scored[at].arc.curvature_per_m;
     let yaw_rate = if bend == 0.0 { side * style.mode_yaw_rate_radps } else { bend * speed_mps };
     (Some(at), [speed_mps, yaw_rate])
@@ -288,6 +288,24 @@ mod tests {
             assert!((speed_mps - side * libm::sqrt(0.1)).abs() < 1e-9, "{motion:?}: {speed_mps}");
             assert_eq!(speeds_of(motion, 0.0, 0.2)[0], side * 0.25, "{motion:?}");
         }
+    }
+
+    #[test]
+    fn the_action_reverse_backs_no_faster_than_the_vehicle_may_and_can_stop() {
+        let params = WaypointFollowerParams {
+            max_speed_mps: 1.1,
+            backward_speed_mps: 0.5,
+            braking_mps2: 0.5,
+            stop_margin_m: 0.3,
+            ..WaypointFollowerParams::default()
+        };
+        let speed_mps = |free_m: f64| {
+            let arc = Arc { motion: Motion::Backward, curvature_per_m: 0.8 };
+            let scored = Scored { arc, free_m, mean_cost: 0.0, terms: [0.0; 6], open: true };
+            reversed(&[scored], &Style::new(&params, None), 0, || false).1[0]
+        };
+        assert_eq!(speed_mps(1.0), -0.5);
+        assert!((speed_mps(0.4) + libm::sqrt(0.1)).abs() < 1e-9, "{}", speed_mps(0.4));
     }
 
     #[test]

@@ -130,7 +130,8 @@ fn it_plans_around_a_wall_and_tells_why_there() {
         "{}",
         plan.reason
     );
-    assert!(chosen.terms.unwrap().clearance >= 0.0);
+    let terms = chosen.terms.unwrap();
+    assert!(terms.terrain > 0.0 && terms.clearance > 0.0, "it passes the end of the wall: {terms:?}");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use crate::route;
 use crate::zones::Zones;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
-use rcs_runtime::{ChildState, Cycle};
+use rcs_runtime::{ChildReport, ChildState, Cycle};
 use rcs_sense::Origin;
 
 /// Where an earlier run found the goal is not believed farther than this from where the position estimate puts it, m: the
@@ -53,10 +53,10 @@ impl WaypointGenerator {
                 }
             }
         }
-        // While a far planner leads, the near one may arrive at a point of its path.
-        let is_led = self.near_told != self.told;
-        let arrived = cx.child(&ports.children.planner).is_some_and(|child| child.state == ChildState::Done);
-        let arrived = arrived && !is_led && self.told.is_some();
+        // A planner that the operator has halted is done, too.
+        let is_there = |child: ChildReport| child.state == ChildState::Done && child.obeys_another.is_none();
+        let arrived = cx.child(&ports.children.planner).is_some_and(is_there);
+        let arrived = arrived && !self.is_led() && self.told.is_some();
         if arrived && self.mission.arrive() {
             self.told = None;
             self.send_driven(ports, params, cx);

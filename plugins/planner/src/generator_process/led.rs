@@ -12,6 +12,11 @@ const DETOUR: f64 = 1.5;
 const NEARER_S: f64 = 3.0;
 
 impl WaypointGenerator {
+    /// Whether the planner of the near map plans to a point of the far path: it may arrive there.
+    pub(super) fn is_led(&self) -> bool {
+        self.near_told != self.told
+    }
+
     /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than
     /// the lookahead, the point of that path there.
     pub(super) fn near_goal(&self, goal: DVec2, global_from_local: &Pose, lookahead_m: f64) -> DVec2 {

@@ -106,6 +106,17 @@ fn the_goal_lies_where_the_run_before_found_it_while_its_map_is_registered() {
 }
 
 #[test]
+fn a_far_planner_that_sends_nothing_any_more_leads_nowhere() {
+    let mut bench = start(&FILES[..2]);
+    bench.write("/operator/global", global_at(2.0));
+    lead(&mut bench, 9.0);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!((path(&bench).last().unwrap().x - 5.0).abs() < 0.3, "{}", story(&bench));
+    cycle(&mut bench, 0.0, 0.0, free, 100);
+    assert!((path(&bench).last().unwrap().x - 10.0).abs() < 0.3, "{}", story(&bench));
+}
+
+#[test]
 fn where_the_near_planner_goes_around_a_narrow_way_of_the_far_path_it_is_led_to_a_nearer_place() {
     // The end of the path, and its greatest distance from the far path, which leads along x between walls 1 m apart.
     let led = |walls: u8, cycles: usize| {

@@ -117,7 +117,20 @@ fn cycle(bench: &mut Bench, x_m: f64, yaw_rad: f64, cost: impl Fn(DVec2) -> u8, 
 }
 
 fn cycle_at(bench: &mut Bench, pose: &Pose, cost: impl Fn(DVec2) -> u8, count: usize) {
+    sense(bench, &["sensed", "left", "right"], pose, cost, count);
+}
+
+/// Cycles in which of the sensors only these send something.
+fn sense(bench: &mut Bench, senses: &[&str], pose: &Pose, cost: impl Fn(DVec2) -> u8, count: usize) {
     for _ in 0..count {
+        for &sense in senses {
+            let name = format!("/operator/{sense}");
+            if sense == "sensed" {
+                bench.write(&name, Grid::default());
+            } else {
+                bench.write(&name, RawImage::default());
+            }
+        }
         let pose = Some(pose_message(pose));
         bench.write(
             "/operator/odometry",
@@ -333,15 +346,27 @@ fn it_drives_on_without_fixes_while_its_position_is_known_well_enough() {
     let (state, text) = status(&bench, "generator");
     let expected = "the position is known to 5.0 m, expected at most 4 m";
     assert!(state == ProcessState::Error && text.starts_with(expected), "{text}");
+    for variance in [f64::NAN, f64::INFINITY, -1.0] {
+        bench.write("/operator/global", global(1.0));
+        cycle(&mut bench, 0.0, 0.0, free, 6);
+        assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+        bench.write("/operator/global", global(variance));
+        cycle(&mut bench, 0.0, 0.0, free, 3);
+        assert_eq!(drive(&bench), (0.0, 0.0));
+        let (state, text) = status(&bench, "generator");
+        assert!(
+            state == ProcessState::Error && text.starts_with("the variance of the position is"),
+            "{text}"
+        );
+    }
 }
 
 #[test]
 fn when_its_sensor_stops_or_nothing_is_known_it_stands() {
     let mut bench = start(&FILES);
-    bench.write("/operator/sensed", map(free));
     cycle(&mut bench, 0.0, 0.0, free, 12);
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
-    cycle(&mut bench, 0.0, 0.0, free, 20);
+    sense(&mut bench, &["left", "right"], &Pose::IDENTITY, free, 24);
     assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
     let (state, text) = status(&bench, "follower");
     assert!(state == ProcessState::Error && text.starts_with("what is sensed is 1."), "{text}");
@@ -360,12 +385,7 @@ fn when_its_sensor_stops_or_nothing_is_known_it_stands() {
 fn when_one_of_two_cameras_stops_it_stands_until_that_is_back() {
     let mut bench = start(&FILES);
     let look = |bench: &mut Bench, sides: &[&str], count: usize| {
-        for _ in 0..count {
-            for side in sides {
-                bench.write(&format!("/operator/{side}"), RawImage::default());
-            }
-            cycle(bench, 0.0, 0.0, free, 1);
-        }
+        sense(bench, &[&["sensed"], sides].concat(), &Pose::IDENTITY, free, count);
     };
     look(&mut bench, &["left", "right"], 12);
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
@@ -375,6 +395,37 @@ fn when_one_of_two_cameras_stops_it_stands_until_that_is_back() {
     assert!(state == ProcessState::Error && text.starts_with("the newest right image is 1."), "{text}");
     look(&mut bench, &["left", "right"], 4);
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
+fn before_its_sensors_have_sent_anything_it_stands() {
+    for (senses, input) in [
+        (["left", "right"], "sensed"),
+        (["sensed", "right"], "left_images"),
+        (["sensed", "left"], "right_images"),
+    ] {
+        let mut bench = start(&FILES);
+        sense(&mut bench, &senses, &Pose::IDENTITY, free, 12);
+        assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+        let expected = (ProcessState::Error, format!("nothing has come at the input {input}"));
+        assert_eq!(status(&bench, "follower"), expected);
+        cycle(&mut bench, 0.0, 0.0, free, 6);
+        assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    }
+}
+
+#[test]
+fn a_planner_that_the_operator_has_halted_has_not_arrived() {
+    let mut bench = start(&FILES[..2]);
+    let goals = vec![point(4.0, 0.0), point(8.0, 4.0)];
+    bench.write("/operator/mission", Mission { frame_id: "local".to_owned(), goals, ..Mission::default() });
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let halt = rcs::Command { serial: 100, name: "HALT".to_owned(), ..rcs::Command::default() };
+    bench.write("/planner/command", halt);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert_eq!(bench.latest::<Mission>("/generator/driven").reached, 0);
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Exec && text.starts_with("planner obeys "), "{text}");
 }
 
 #[test]
