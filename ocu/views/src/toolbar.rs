@@ -62,8 +62,16 @@ pub(crate) fn topic_choice(
 
 /// The legend of cost colours.
 pub(crate) fn cost_legend(ui: &mut Ui, palette: MapPalette) {
-    ui.horizontal(|ui| {
-        legend::band(ui, 100.0, "cost 0", "250", |fraction| palette.cost((fraction * 250.0) as u8));
+    // On a narrow map the swatch goes below the band, and the band is shorter.
+    let (one_row_px, labels_px) = (228.0, 60.0);
+    let add = |ui: &mut Ui| {
+        let width = (ui.available_width() - labels_px).clamp(24.0, 100.0);
+        legend::band(ui, width, "cost 0", "250", |fraction| palette.cost((fraction * 250.0) as u8));
         legend::swatch(ui, palette.unknown(), "unknown");
-    });
+    };
+    if ui.available_width() < one_row_px {
+        ui.vertical(add);
+    } else {
+        ui.horizontal(add);
+    }
 }
