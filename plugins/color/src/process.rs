@@ -193,7 +193,7 @@ impl ColorModelLearner {
         cx: &mut Cycle<'_>,
     ) -> Result<ColorLearning, Unusable> {
         let time = image.acq_time();
-        self.check_sequence(time)?;
+        self.check_sequence(time, cx.now())?;
         let camera = self.camera.clone().ok_or(Unusable::NoCalibration)?;
         let size = [camera.width, camera.height];
         let rgb = self.check.check(image, Some(size), params.image_check.as_ref())?;
@@ -278,9 +278,11 @@ impl ColorModelLearner {
         Ok(())
     }
 
-    /// Returns an error for an image that is older than the last one.
-    fn check_sequence(&mut self, time: Stamp) -> Result<(), Unusable> {
-        let newer_s = self.last_image.map_or(0.0, |last| time.seconds_since(last));
+    /// Returns an error for an image that is older than the last one. One with a time from the future does not count as the
+    /// last one: all others would be older.
+    fn check_sequence(&mut self, time: Stamp, now: Stamp) -> Result<(), Unusable> {
+        let last = self.last_image.filter(|last| *last <= now);
+        let newer_s = last.map_or(0.0, |last| time.seconds_since(last));
         if newer_s < 0.0 {
             return Err(Unusable::Late { late_s: -newer_s });
         }

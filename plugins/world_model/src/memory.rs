@@ -16,8 +16,12 @@ use serde::{Deserialize, Serialize};
 const FORMAT: u32 = 1;
 /// Greatest number of cells of a remembered map.
 const MOST_CELLS: usize = 4_000_000;
+/// Bounds of UTM coordinates, m, as of [`Utm::new`]; eastings begin at 0.
+const MOST_EASTING_M: f64 = 1_000_000.0;
+const LEAST_NORTHING_M: f64 = -100_000.0;
+const MOST_NORTHING_M: f64 = 10_100_000.0;
 
-/// Why a text is no remembered map.
+/// Why a text is no remembered map, or a map is not saved.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MemoryError {
     /// The text is not the JSON of a map.
@@ -37,6 +41,24 @@ pub enum MemoryError {
         columns: u32,
         /// Size of a cell, m.
         cell_size_m: f64,
+    },
+    /// The corner is nowhere in a UTM zone.
+    #[error(
+        "the corner is at easting {easting_m} m and northing {northing_m} m, expected 0 to {MOST_EASTING_M} m and {LEAST_NORTHING_M} to {MOST_NORTHING_M} m"
+    )]
+    Place {
+        /// Easting of the corner, m.
+        easting_m: f64,
+        /// Northing of the corner, m.
+        northing_m: f64,
+    },
+    /// A rectangle has too many cells.
+    #[error("the map would have {columns} by {rows} cells, expected at most {MOST_CELLS} in all")]
+    Large {
+        /// Cells per row.
+        columns: usize,
+        /// Number of rows.
+        rows: usize,
     },
     /// The map is in another zone than the global frame.
     #[error("the map is in UTM zone {got}, expected zone {expected} of the global frame's origin")]
@@ -59,9 +81,14 @@ pub fn parse(text: &str) -> Result<Option<MapMemory>, MemoryError> {
     }
     let (cells, columns, cell_size_m) = (map.costs.len(), map.columns, map.cell_size_m);
     let is_full = columns > 0 && cells > 0 && cells.is_multiple_of(columns as usize) && cells <= MOST_CELLS;
-    let is_placed = map.easting_m.is_finite() && map.northing_m.is_finite();
-    if !(is_full && is_placed && (0.01..=100.0).contains(&cell_size_m)) {
+    if !(is_full && (0.01..=100.0).contains(&cell_size_m)) {
         return Err(MemoryError::Cells { cells, columns, cell_size_m });
+    }
+    let (easting_m, northing_m) = (map.easting_m, map.northing_m);
+    let is_in_zone = (0.0..=MOST_EASTING_M).contains(&easting_m)
+        && (LEAST_NORTHING_M..=MOST_NORTHING_M).contains(&northing_m);
+    if !is_in_zone {
+        return Err(MemoryError::Place { easting_m, northing_m });
     }
     Ok(Some(map))
 }
@@ -81,16 +108,20 @@ pub struct Rectangle {
 
 impl Rectangle {
     /// A rectangle of unknown cells that contains all positions within a distance of these, m. Its corner is a multiple of
-    /// the size of a cell, so that the cells of all runs are the same. `None` without positions.
-    pub fn around(places: &[DVec2], within_m: f64, cell_size_m: f64) -> Option<Rectangle> {
-        let first = *places.first()?;
+    /// the size of a cell, so that the cells of all runs are the same. Without positions it has no cells; one that would
+    /// have too many cells is an error.
+    pub fn around(places: &[DVec2], within_m: f64, cell_size_m: f64) -> Result<Rectangle, MemoryError> {
+        let Some(&first) = places.first() else {
+            return Ok(Rectangle { cell_size_m, ..Rectangle::default() });
+        };
         let low = places.iter().fold(first, |low, &place| low.min(place)) - within_m;
         let high = places.iter().fold(first, |high, &place| high.max(place)) + within_m;
         let corner = (low / cell_size_m).floor() * cell_size_m;
         let cells = ((high - corner) / cell_size_m).ceil();
         let (columns, rows) = (cells.x as usize, cells.y as usize);
-        let costs = vec![UNKNOWN_COST; columns.checked_mul(rows).filter(|&count| count <= MOST_CELLS)?];
-        Some(Rectangle { corner, cell_size_m, columns, costs })
+        let count = columns.checked_mul(rows).filter(|&count| count <= MOST_CELLS);
+        let costs = vec![UNKNOWN_COST; count.ok_or(MemoryError::Large { columns, rows })?];
+        Ok(Rectangle { corner, cell_size_m, columns, costs })
     }
 
     /// The remembered map in the global frame with this origin.
@@ -224,11 +255,6 @@ impl Rectangle {
         let columns = self.columns.max(1);
         let (column, row) = (index % columns, index / columns);
         self.corner + (DVec2::new(column as f64, row as f64) + 0.5) * self.cell_size_m
-    }
-
-    /// Number of known cells.
-    pub fn known(&self) -> usize {
-        self.costs.iter().filter(|&&cost| cost != UNKNOWN_COST).count()
     }
 
     /// Whether the cell at a position or one beside it is an obstacle.

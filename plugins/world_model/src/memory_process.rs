@@ -1,9 +1,9 @@
 //! The process `map_memory`: a world model's map of an earlier run, registered against this one, and the map to save. Its
 //! port table is in the crate's documentation.
 
-use crate::memory::{Rectangle, by_shape, parse, statement};
+use crate::memory::{MemoryError, Rectangle, by_shape, parse, statement};
 use crate::proto::{MapMemory, MapMemoryParams};
-use crate::register::{Fit, Remembered, Seen};
+use crate::register::{Fit, FromParams, Placed, Remembered, Seen, at, fingerprint, moved_m, turned};
 use crate::saved::Kept;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
@@ -13,7 +13,6 @@ use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
 use rcs_world::{GridView, Source, UNKNOWN_COST, fuse_grid};
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// Frame of the remembered map: the global frame as the run that saved it knew it.
 const FRAME: &str = "remembered";
@@ -22,21 +21,11 @@ const CONFIDENCE: u8 = 80;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 2.0;
 const MOST_TRACK: usize = 5000;
-/// Support that a metre of motion must gain: from where the position estimate puts the remembered map, and once it is
-/// registered, when it is moved by up to this far at a time, m, because the local frame drifts slowly.
+/// Support that a metre of motion from where the position estimate puts the remembered map must gain.
 const WORTH: f64 = 0.05;
-const FOLLOW_WORTH: f64 = 0.1;
-const FOLLOW_M: f64 = 0.4;
 /// Length of the track along which what is sensed is compared, in points: so far the local frame is one frame, and a map
 /// that is turned differs at one of its ends.
 const COMPARED_TRACK: usize = 20;
-/// Angle by which a registered map is turned at a time, rad, support that a radian must gain, and greatest angle from
-/// where the estimate of the heading puts it, rad.
-const TURN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-const TURN_WORTH: f64 = 1.7;
-/// Distance from the vehicle at which a turn counts as a motion, m.
-const LEVER_M: f64 = 20.0;
-const MOST_TURN_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 /// A registered map lies in a wrong place where another one has had this much more support for this many messages in
 /// turn: few things are in sight when it is registered first.
 const CLEARLY: f64 = 0.15;
@@ -55,7 +44,7 @@ const RESEND_S: f64 = 5.0;
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MapMemoryKeeper {
     frames: Localizer,
-    /// Why the remembered map is not used until the next start, if so.
+    /// Why the remembered map is not used until the next start or another map, if so.
     dropped: Option<String>,
     /// Since when the plan has found no way with the remembered map.
     no_way: Option<Stamp>,
@@ -71,71 +60,23 @@ pub struct MapMemoryKeeper {
     elsewhere: u32,
     /// When the costs were sent last, and where the frame of the remembered map then was in the local one.
     sent: Option<(Stamp, Pose)>,
+    /// When the map was saved last, or could not be.
     saved: Option<Stamp>,
     /// Whether it was told to save, and has not yet.
     asked: bool,
+    /// Why the map could not be saved, if so.
+    unsaved: Option<String>,
     kept: Kept,
     text: String,
+    /// Fingerprint of the remembered map of the parameters, to which all of this belongs.
+    used: Option<u64>,
     #[serde(skip)]
     remembered: FromParams,
 }
 
-/// Where the remembered map lies in the local frame, which drifts far less than the estimate of the global one jumps: the
-/// frames when it was registered, and how it fits since.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Placed {
-    global_from_local: Pose,
-    fit: Fit,
-}
-
-impl Placed {
-    /// A position of the local frame in the frame of the remembered map, m.
-    fn to_remembered(self, at: DVec2) -> DVec2 {
-        (self.global_from_local * at.extend(0.0)).truncate() - self.fit.moved
-    }
-
-    /// The frame of the remembered map in the local one.
-    fn local_from_remembered(self) -> Pose {
-        self.global_from_local.inverse() * Pose::from_translation(self.fit.moved.extend(0.0))
-    }
-
-    /// The angle from the estimate of the local frame in the global one to that with which it lies here, rad.
-    fn turned_rad(self, estimated: &Pose) -> f64 {
-        (estimated.inverse() * self.global_from_local).yaw()
-    }
-
-    /// The best place near this one: moved by up to a cell, and turned by up to a step about the middle of what is
-    /// compared, which a turn does not move.
-    fn followed(
-        self,
-        remembered: &Remembered,
-        seen_in_local: &Seen,
-        middle: DVec2,
-        estimated: &Pose,
-        least: usize,
-    ) -> Placed {
-        let from = self.fit.moved;
-        let worth = |&(turn_rad, placed): &(f64, Placed)| {
-            let fit = placed.fit;
-            fit.support - FOLLOW_WORTH * fit.moved.distance(from) - TURN_WORTH * f64::abs(turn_rad)
-        };
-        let turns = [0.0, TURN_RAD, -TURN_RAD].into_iter();
-        let places = turns.filter_map(|turn_rad| {
-            let global_from_local = turned(&self.global_from_local, middle, turn_rad);
-            let seen = seen_in_local.placed(|place| at(&global_from_local, place));
-            let fit = remembered.register(&seen, from, FOLLOW_M, FOLLOW_WORTH, least)?;
-            let placed = Placed { global_from_local, fit };
-            let is_allowed = turn_rad == 0.0 || placed.turned_rad(estimated).abs() <= MOST_TURN_RAD;
-            is_allowed.then_some((turn_rad, placed))
-        });
-        let best = places.reduce(|best, other| if worth(&other) > worth(&best) { other } else { best });
-        best.map_or(self, |(_, placed)| placed)
-    }
-}
-
 /// What a cycle has read.
 struct Now<'a> {
-    map: &'a Msg<Grid>,
+    map: &'a GridView<'a>,
     /// Position in the local frame, m.
     vehicle: DVec2,
     global_from_local: &'a Pose,
@@ -146,13 +87,11 @@ impl Now<'_> {
     fn to_global(&self, at: DVec2) -> DVec2 {
         (*self.global_from_local * at.extend(0.0)).truncate()
     }
-}
 
-/// The map of the parameters, which is read once.
-#[derive(Clone, Debug, Default)]
-struct FromParams {
-    text: Option<(String, String)>,
-    map: Option<Result<Arc<Remembered>, String>>,
+    /// The cells of what is stated: as many as the map has, around the vehicle.
+    fn frame(&self) -> GridFrame {
+        GridFrame::around(self.vehicle, self.map.columns(), self.map.cell_size_m().x)
+    }
 }
 
 rcs_runtime::commands! {
@@ -228,6 +167,7 @@ impl Process for MapMemoryKeeper {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) {
+        self.take_params(params);
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 MapMemoryCommand::Save => self.asked = true,
@@ -239,9 +179,7 @@ impl Process for MapMemoryKeeper {
                 cx.fault(format!("transforms: {error}; skipped"));
             }
         }
-        let vehicle = cx.latest(&ports.odometry);
-        let vehicle = vehicle.and_then(|odometry| pose_of(odometry.pose.as_ref(), &odometry.frame_id).ok());
-        let Some(vehicle) = vehicle.map(|pose| pose.translation.truncate()) else {
+        let Some(vehicle) = position(ports, params, cx) else {
             return cx.exec("waits for the pose of the vehicle");
         };
         self.take_position(vehicle);
@@ -254,39 +192,83 @@ impl Process for MapMemoryKeeper {
         };
         // Asked to save, it takes the last map, also of a world model that is halted.
         let last = if self.asked { cx.latest(&ports.map) } else { None };
-        let Some(map) = cx.read_newest(&ports.map).or(last) else {
+        let newest = cx.read_newest(&ports.map);
+        // What was registered with a map is not counted again with the same one.
+        let is_new = newest.is_some();
+        let Some(map) = newest.or(last) else {
             return self.tell(cx);
         };
-        let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
-        self.look_for_a_way(is_closed, cx.now());
-        let seen = Now { map: &map, vehicle, global_from_local: &global_from_local };
-        if let Err(error) = self.remember(ports, params, &origin, &seen, cx) {
-            cx.fault(format!("map: {error}; skipped"));
-        }
-        let now = cx.now();
-        cx.write(&ports.registration, now, self.registration(params, now));
-        if std::mem::take(&mut self.asked)
-            || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s)
-        {
-            match self.save(params, &seen) {
-                Ok(Some(saved)) => {
-                    self.saved = Some(now);
-                    cx.write(&ports.memory, now, saved.to_memory(&origin.0));
+        let view = match view_of(&map, params) {
+            Ok(view) => view,
+            Err(error) => {
+                if is_new {
+                    cx.fault(format!("map: {error}; skipped"));
                 }
-                Ok(None) => {}
-                Err(error) => cx.fault(format!("map: {error}; not saved")),
+                return self.tell(cx);
             }
+        };
+        let seen = Now { map: &view, vehicle, global_from_local: &global_from_local };
+        if is_new {
+            let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
+            self.look_for_a_way(is_closed, cx.now());
+            if let Err(error) = self.remember(ports, params, &seen, cx) {
+                cx.fault(format!("map: {error}; skipped"));
+            }
+            let now = cx.now();
+            cx.write(&ports.registration, now, self.registration(params, now));
         }
+        self.save(ports, params, &origin, &seen, cx);
         self.tell(cx);
     }
 }
 
 impl MapMemoryKeeper {
     fn tell(&self, cx: &mut Cycle<'_>) {
-        cx.exec(
-            if self.text.is_empty() { "nothing is remembered; saves the map" } else { &*self.text }
-                .to_owned(),
-        );
+        cx.exec(self.told());
+    }
+
+    /// What the status says: how the remembered map lies, and what of this run is not saved.
+    fn told(&self) -> String {
+        let unsaved = match &self.unsaved {
+            Some(why) => format!("; the map is not saved: {why}"),
+            None if self.track.len() >= MOST_TRACK => {
+                format!(
+                    "; new ground is not saved: the track has {MOST_TRACK} points, the most that it can have"
+                )
+            }
+            None => String::new(),
+        };
+        match (self.text.is_empty(), unsaved.is_empty()) {
+            (true, true) => "nothing is remembered; saves the map".to_owned(),
+            (true, false) => format!("nothing is remembered{unsaved}"),
+            (false, _) => format!("{}{unsaved}", self.text),
+        }
+    }
+
+    /// Reads the remembered map of the parameters. What is known of another one than before does not hold for it; what was
+    /// stated of that one is withdrawn with the next map.
+    fn take_params(&mut self, params: &MapMemoryParams) {
+        if self.remembered.is_of(params) {
+            return;
+        }
+        self.remembered = FromParams::read(params);
+        let used = fingerprint([&params.memory, &params.world]);
+        if self.used.replace(used).is_some_and(|before| before != used) {
+            self.place(None);
+            (self.settled, self.proposed, self.elsewhere) = (None, None, 0);
+            (self.dropped, self.no_way) = (None, None);
+            self.text.clear();
+        }
+    }
+
+    /// Believes that the remembered map lies here, or that it lies nowhere. What was counted before does not count for the
+    /// next change.
+    fn place(&mut self, placed: Option<Placed>) {
+        if placed.is_some() != self.placed.is_some() {
+            (self.proposed, self.elsewhere) = (None, 0);
+        }
+        self.settled = placed.or(self.settled);
+        self.placed = placed;
     }
 
     fn take_position(&mut self, vehicle: DVec2) {
@@ -310,31 +292,27 @@ impl MapMemoryKeeper {
         &mut self,
         ports: &Ports,
         params: &MapMemoryParams,
-        origin: &Origin,
         now: &Now<'_>,
         cx: &mut Cycle<'_>,
     ) -> Result<(), String> {
-        let Some(remembered) = self.remembered.of(params, origin).filter(|_| self.dropped.is_none()) else {
-            if let Some(why) = &self.dropped {
-                self.text.clone_from(why);
-                self.settled = None;
+        let remembered = match self.remembered.map.clone().filter(|_| self.dropped.is_none()) {
+            Some(Ok(remembered)) => remembered,
+            unusable => {
+                if let Some(why) = &self.dropped {
+                    self.text.clone_from(why);
+                    self.settled = None;
+                } else if let Some(Err(why)) = unusable {
+                    self.text = format!("{why}: not used");
+                }
                 self.withdraw(ports, params, now, cx);
-            }
-            return Ok(());
-        };
-        let remembered = match remembered {
-            Ok(remembered) => remembered,
-            Err(why) => {
-                self.text = format!("{why}: not used");
                 return Ok(());
             }
         };
-        let vehicle = now.vehicle;
-        let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
+        let (vehicle, view) = (now.vehicle, now.map);
         let mut costs = Vec::new();
-        fuse_grid(&view, &by_shape(&view), &mut costs).map_err(|error| error.to_string())?;
-        let mut sensed = Rectangle::with(&view, costs);
-        sensed.forget_far(&view, params.near_m);
+        fuse_grid(view, &by_shape(view), &mut costs).map_err(|error| error.to_string())?;
+        let mut sensed = Rectangle::with(view, costs);
+        sensed.forget_far(view, params.near_m);
         // A map that did not fit any more is turned as it was when it did.
         let turned_before =
             |placed: Placed| turned(now.global_from_local, vehicle, placed.turned_rad(now.global_from_local));
@@ -359,13 +337,18 @@ impl MapMemoryKeeper {
                     .filter(|there| there.agreement >= params.least_agreement);
                 self.elsewhere = if there.is_some() { self.elsewhere + 1 } else { 0 };
                 let there = there.filter(|_| self.elsewhere >= IN_TURN);
+                if there.is_some() {
+                    self.elsewhere = 0;
+                }
                 Some(there.map_or(here, |fit| Placed { fit, ..placed }))
             }
             None => remembered
                 .register(&seen, -away(DVec2::ZERO), params.search_m, WORTH, least)
                 .map(|fit| Placed { global_from_local: start, fit }),
         };
-        let found = found.filter(|found| away(found.fit.moved).abs().max_element() <= params.search_m);
+        let is_near = |found: &Placed| away(found.fit.moved).abs().max_element() <= params.search_m;
+        let is_far = found.is_some_and(|found| !is_near(&found));
+        let found = found.filter(is_near);
         let needed = params.least_agreement * if self.placed.is_some() { DOUBT } else { 1.0 };
         let fitting = found.filter(|found| found.fit.agreement >= needed);
         let in_turn = self.in_turn(fitting, vehicle);
@@ -378,44 +361,63 @@ impl MapMemoryKeeper {
             }
             Some(placed) if fitting.is_some() => {
                 let Fit { moved, agreement, compared, .. } = placed.fit;
-                (self.placed, self.settled) = (Some(placed), Some(placed));
+                self.place(Some(placed));
                 let (share, moved_m) = (100.0 * agreement, away(moved).length());
                 format!("remembers: moved by {moved_m:.1} m, {share:.0} % of {compared} obstacle cells agree")
             }
             Some(Placed { fit, .. }) => {
-                self.placed = None;
+                self.place(None);
                 let (got, needed) = (100.0 * fit.agreement, 100.0 * needed);
                 let compared = fit.compared;
                 format!(
                     "the remembered map does not fit: {got:.0} % of {compared} obstacle cells agree, expected {needed:.0} %"
                 )
             }
+            None if is_far => {
+                self.place(None);
+                let search_m = params.search_m;
+                format!(
+                    "the remembered map lies more than {search_m} m from where the position estimate puts it: not used"
+                )
+            }
             None => {
-                self.placed = None;
+                self.place(None);
                 let compared = remembered.compare(&seen, DVec2::ZERO).compared;
                 format!(
                     "waits: {compared} obstacle cells can be compared with the remembered map, expected {least}"
                 )
             }
         };
-        let Some(placed) = self.placed else {
-            self.withdraw(ports, params, now, cx);
-            return Ok(());
-        };
+        match self.placed {
+            Some(placed) => self.state_costs(ports, params, placed, &remembered, now, cx),
+            None => self.withdraw(ports, params, now, cx),
+        }
+        Ok(())
+    }
+
+    /// States what a remembered map that lies here says of the ground around the vehicle, if that is due.
+    fn state_costs(
+        &mut self,
+        ports: &Ports,
+        params: &MapMemoryParams,
+        placed: Placed,
+        remembered: &Remembered,
+        now: &Now<'_>,
+        cx: &mut Cycle<'_>,
+    ) {
         let frame_now = placed.local_from_remembered();
         let is_due = self.sent.is_none_or(|(sent, before)| {
-            let by_m = moved_m(&frame_now, &before, vehicle);
+            let by_m = moved_m(&frame_now, &before, now.vehicle);
             cx.now().seconds_since(sent) >= RESEND_S || by_m > 0.5 * remembered.map.cell_size_m
         });
         if is_due {
-            let frame = GridFrame::around(vehicle, view.columns(), sensed.cell_size_m);
+            let frame = now.frame();
             let middles =
                 (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
             let costs: Vec<u8> =
                 middles.map(|middle| remembered.map.at(placed.to_remembered(middle))).collect();
             self.send(ports, params, &frame, &costs, frame_now, cx);
         }
-        Ok(())
     }
 
     /// For how many messages in turn the remembered map has fitted in the same place.
@@ -451,10 +453,9 @@ impl MapMemoryKeeper {
 
     /// Takes back what was stated.
     fn withdraw(&mut self, ports: &Ports, params: &MapMemoryParams, now: &Now<'_>, cx: &mut Cycle<'_>) {
-        self.placed = None;
-        let size_m = now.map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
-        if let Some(cell_size_m) = size_m {
-            let frame = GridFrame::around(now.vehicle, now.map.column_count as usize, cell_size_m);
+        self.place(None);
+        if self.sent.is_some() {
+            let frame = now.frame();
             let unknown = vec![UNKNOWN_COST; frame.side * frame.side];
             self.send(ports, params, &frame, &unknown, Pose::IDENTITY, cx);
             self.sent = None;
@@ -476,50 +477,115 @@ impl MapMemoryKeeper {
         cx.write(&ports.cost, now, message);
     }
 
-    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
-    fn save(&mut self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
-        let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
+    /// Sends the map to save if it is told to, or if it is time. What could not be saved is still asked for.
+    fn save(
+        &mut self,
+        ports: &Ports,
+        params: &MapMemoryParams,
+        origin: &Origin,
+        seen: &Now<'_>,
+        cx: &mut Cycle<'_>,
+    ) {
+        let now = cx.now();
+        let is_due = self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s);
+        if !(self.asked || is_due) {
+            return;
+        }
         // What was near, but behind a wall, was only seen from far.
-        let sensed = Rectangle::sensed_from_near(&view, params.near_m).map_err(|error| error.to_string())?;
-        self.kept.take(&sensed, &self.track, params.near_m);
+        let sensed = match Rectangle::sensed_from_near(seen.map, params.near_m) {
+            Ok(sensed) => sensed,
+            Err(error) => return cx.fault(format!("map: {error}; not saved")),
+        };
+        self.saved = Some(now);
+        match self.gather(params, &sensed, seen) {
+            Ok(Some(saved)) => {
+                (self.asked, self.unsaved) = (false, None);
+                cx.write(&ports.memory, now, saved.to_memory(&origin.0));
+            }
+            Ok(None) => {}
+            Err(error) => self.unsaved = Some(error.to_string()),
+        }
+    }
+
+    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
+    fn gather(
+        &mut self,
+        params: &MapMemoryParams,
+        sensed: &Rectangle,
+        now: &Now<'_>,
+    ) -> Result<Option<Rectangle>, MemoryError> {
+        self.kept.take(sensed, &self.track, params.near_m)?;
         let old = self.remembered.map.as_ref().and_then(|map| map.as_ref().ok());
         let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
-        Ok(self.kept.saved(old, now.global_from_local))
+        self.kept.saved(old, now.global_from_local)
     }
 }
 
-/// A position of the local frame in the global one, m.
-fn at(global_from_local: &Pose, place: DVec2) -> DVec2 {
-    (*global_from_local * place.extend(0.0)).truncate()
-}
-
-/// How far a frame is moved from where it was before, m: the greatest distance between both near a position.
-fn moved_m(frame: &Pose, before: &Pose, near: DVec2) -> f64 {
-    let corners = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].map(|side| near + LEVER_M * side);
-    let moved = corners.map(|corner| at(frame, at(&before.inverse(), corner)).distance(corner));
-    moved.into_iter().fold(0.0, f64::max)
-}
-
-/// The local frame in the global one, turned about a position of the local frame, m.
-fn turned(global_from_local: &Pose, about: DVec2, angle_rad: f64) -> Pose {
-    let centre = at(global_from_local, about);
-    let back = Pose::from_translation((-centre).extend(0.0));
-    Pose::from_xy_yaw(centre.x, centre.y, angle_rad) * back * *global_from_local
-}
-
-impl FromParams {
-    /// The map of the parameters in the global frame; `None` if they have none.
-    fn of(&mut self, params: &MapMemoryParams, origin: &Origin) -> Option<Result<Arc<Remembered>, String>> {
-        let is_read = |(memory, world): &(String, String)| *memory == params.memory && *world == params.world;
-        if !self.text.as_ref().is_some_and(is_read) {
-            let map = parse(&params.memory).map_err(|error| error.to_string());
-            self.map = map.transpose().map(|map| {
-                let map = map
-                    .and_then(|map| Rectangle::of_memory(&map, &origin.0).map_err(|error| error.to_string()));
-                map.map(|map| Arc::new(Remembered::new(map))).map_err(|error| format!("memory: {error}"))
-            });
-            self.text = Some((params.memory.clone(), params.world.clone()));
+/// Position of the vehicle in the local frame, m. A message that does not give it is a fault.
+fn position(ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) -> Option<DVec2> {
+    let is_new = cx.read_newest(&ports.odometry).is_some();
+    let odometry = cx.latest(&ports.odometry)?;
+    match position_of(&odometry, &params.local_frame) {
+        Ok(position) => Some(position),
+        Err(error) => {
+            if is_new {
+                cx.fault(format!("odometry: {error}; skipped"));
+            }
+            None
         }
-        self.map.clone()
+    }
+}
+
+fn position_of(odometry: &Odometry, local: &str) -> Result<DVec2, String> {
+    if odometry.frame_id != local {
+        return Err(format!("frame is {:?}, expected {local:?}", odometry.frame_id));
+    }
+    let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
+    Ok(pose.translation.truncate())
+}
+
+/// A map in the local frame.
+fn view_of<'a>(map: &'a Msg<Grid>, params: &MapMemoryParams) -> Result<GridView<'a>, String> {
+    let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
+    let local = params.local_frame.as_str();
+    if view.frame_id() != local {
+        return Err(format!("frame is {:?}, expected {local:?}", view.frame_id()));
+    }
+    Ok(view)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_counted_before_does_not_count_when_the_map_is_placed_and_when_it_is_lost() {
+        let placed = Placed { global_from_local: Pose::IDENTITY, fit: Fit::default() };
+        let mut keeper = MapMemoryKeeper { proposed: Some((placed, IN_TURN)), ..Default::default() };
+        keeper.place(Some(placed));
+        assert_eq!((keeper.placed, keeper.settled, keeper.proposed), (Some(placed), Some(placed), None));
+        keeper.elsewhere = IN_TURN - 1;
+        keeper.place(Some(placed));
+        assert_eq!(keeper.elsewhere, IN_TURN - 1, "it is not placed anew with each message");
+        keeper.place(None);
+        assert_eq!((keeper.placed, keeper.settled, keeper.elsewhere), (None, Some(placed), 0));
+        for times in 1..=IN_TURN {
+            assert_eq!(keeper.in_turn(Some(placed), DVec2::ZERO), times);
+        }
+    }
+
+    #[test]
+    fn the_status_says_that_new_ground_is_not_saved_once_the_track_is_full() {
+        let mut keeper = MapMemoryKeeper::default();
+        for step in 0..MOST_TRACK {
+            assert_eq!(keeper.told(), "nothing is remembered; saves the map");
+            keeper.take_position(DVec2::new(TRACK_STEP_M * step as f64, 0.0));
+        }
+        let full = "; new ground is not saved: the track has 5000 points, the most that it can have";
+        assert_eq!(keeper.told(), format!("nothing is remembered{full}"));
+        keeper.text = "remembers".to_owned();
+        assert_eq!(keeper.told(), format!("remembers{full}"));
+        keeper.unsaved = Some("too large".to_owned());
+        assert_eq!(keeper.told(), "remembers; the map is not saved: too large");
     }
 }

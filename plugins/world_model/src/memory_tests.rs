@@ -46,7 +46,23 @@ fn a_file_that_is_no_map_or_of_another_version_or_place_is_refused() {
     );
     assert!(error(|map| map.cell_size_m = 0.0).contains("of 0 m"));
     assert!(error(|map| map.costs.clear()).starts_with("0 cells"));
-    assert!(error(|map| map.easting_m = f64::NAN).starts_with("2500 cells"));
+    let bounds = " m, expected 0 to 1000000 m and -100000 to 10100000 m";
+    for (error, easting) in [
+        (error(|map| map.easting_m = f64::NAN), "NaN"),
+        (error(|map| map.easting_m = 1e10), "10000000000"),
+        (error(|map| map.easting_m = -1.0), "-1"),
+    ] {
+        let expected =
+            format!("the corner is at easting {easting} m and northing {}{bounds}", good.northing_m);
+        assert_eq!(error, expected);
+    }
+    for northing_m in [-1e10, 1e10, f64::INFINITY] {
+        let mut map = good.clone();
+        map.northing_m = northing_m;
+        let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(map)).unwrap();
+        let error = parse(&text).unwrap_err();
+        assert_eq!(error, MemoryError::Place { easting_m: good.easting_m, northing_m });
+    }
     assert!(parse("{\"format\": 1, \"columns\": -1}").is_err());
     let elsewhere = Utm::new(17, true, ORIGIN.1, ORIGIN.2).unwrap();
     assert_eq!(

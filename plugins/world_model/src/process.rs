@@ -156,13 +156,13 @@ impl Process for WorldModel {
         let listed = Listed::of(params).with_learned(&self.learned);
         for (source, port) in &ports.named {
             while let Some(grid) = cx.read(port) {
-                if let Err(fault) = self.vote(*source, &grid, &listed, params) {
+                if let Err(fault) = self.vote(*source, &grid, &listed, params, cx.now()) {
                     cx.fault(format!("{source}: {fault}; cost map skipped"));
                 }
             }
         }
         while let Some(grid) = cx.read(&ports.costs) {
-            if let Err(fault) = self.vote_for_each(&grid, &listed, params) {
+            if let Err(fault) = self.vote_for_each(&grid, &listed, params, cx.now()) {
                 cx.fault(format!("{fault}; cost map skipped"));
             }
         }
@@ -217,6 +217,7 @@ impl WorldModel {
         grid: &Msg<Grid>,
         listed: &Listed,
         params: &WorldModelParams,
+        now: Stamp,
     ) -> Result<(), String> {
         let fields = |source: Source| {
             let name = format!("cost.{source}");
@@ -229,7 +230,7 @@ impl WorldModel {
             return Err(format!("costs: expected a field cost.<source> of {}", known.join(", ")));
         }
         sources.into_iter().try_for_each(|source| {
-            self.vote(source, grid, listed, params).map_err(|fault| format!("{source}: {fault}"))
+            self.vote(source, grid, listed, params, now).map_err(|fault| format!("{source}: {fault}"))
         })
     }
 
@@ -239,6 +240,7 @@ impl WorldModel {
         grid: &Msg<Grid>,
         listed: &Listed,
         params: &WorldModelParams,
+        now: Stamp,
     ) -> Result<(), String> {
         let Some(rule) = listed.rule(source) else {
             return Err("it is none of the sources that the parameters list".to_owned());
@@ -267,7 +269,8 @@ impl WorldModel {
             self.map = map;
         }
         self.seen.insert(source);
-        self.changed = self.changed.max(origin.time);
+        // A time from the future would make the map look new for ever.
+        self.changed = self.changed.max(origin.time.min(now));
         let contribution = self.contribution(source);
         contribution.votes += taken.votes;
         contribution.newest = contribution.newest.max(origin.time);

@@ -7,10 +7,25 @@
 //! Of the obstacle cells that can be compared, these disagree: sensed ones on remembered ground, and remembered ones on
 //! sensed ground. Edges may differ by a cell.
 
-use crate::memory::{Rectangle, is_obstacle};
-use rcs_geom::DVec2;
+use crate::memory::{MemoryError, Rectangle, is_obstacle, parse};
+use crate::proto::MapMemoryParams;
+use rcs_geom::{DVec2, Pose};
+use rcs_sense::Origin;
 use rcs_world::UNKNOWN_COST;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Support that a metre of motion must gain once a map is registered, when it is moved by up to this far at a time, m,
+/// because the local frame drifts slowly.
+const FOLLOW_WORTH: f64 = 0.1;
+const FOLLOW_M: f64 = 0.4;
+/// Angle by which a registered map is turned at a time, rad, support that a radian must gain, and greatest angle from
+/// where the estimate of the heading puts it, rad.
+const TURN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+const TURN_WORTH: f64 = 1.7;
+const MOST_TURN_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
+/// Distance from the vehicle at which a turn counts as a motion, m.
+const LEVER_M: f64 = 20.0;
 
 /// What is sensed near the vehicle and its track: positions, m.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -140,7 +155,9 @@ impl Remembered {
         [east, north]: [i32; 2],
         moved: DVec2,
     ) -> Fit {
-        let class = |&[column, row]: &Cell| self.class([column - east, row - north]);
+        // Cells of very distant positions are the first and the last of their type.
+        let class =
+            |&[column, row]: &Cell| self.class([column.saturating_sub(east), row.saturating_sub(north)]);
         let (mut agree, mut beside, mut differ) = (0_usize, 0_usize, 0_usize);
         for cell in obstacles {
             match class(cell) {
@@ -185,6 +202,114 @@ impl Remembered {
             .filter(|fit| fit.compared >= least)
             .reduce(|best, fit| if worth(&fit) > worth(&best) { fit } else { best })
     }
+}
+
+/// Where the remembered map lies in the local frame, which drifts far less than the estimate of the global one jumps: the
+/// frames when it was registered, and how it fits since.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Placed {
+    pub(crate) global_from_local: Pose,
+    pub(crate) fit: Fit,
+}
+
+impl Placed {
+    /// A position of the local frame in the frame of the remembered map, m.
+    pub(crate) fn to_remembered(self, at: DVec2) -> DVec2 {
+        (self.global_from_local * at.extend(0.0)).truncate() - self.fit.moved
+    }
+
+    /// The frame of the remembered map in the local one.
+    pub(crate) fn local_from_remembered(self) -> Pose {
+        self.global_from_local.inverse() * Pose::from_translation(self.fit.moved.extend(0.0))
+    }
+
+    /// The angle from the estimate of the local frame in the global one to that with which it lies here, rad.
+    pub(crate) fn turned_rad(self, estimated: &Pose) -> f64 {
+        (estimated.inverse() * self.global_from_local).yaw()
+    }
+
+    /// The best place near this one: moved by up to a cell, and turned by up to a step about the middle of what is
+    /// compared, which a turn does not move.
+    pub(crate) fn followed(
+        self,
+        remembered: &Remembered,
+        seen_in_local: &Seen,
+        middle: DVec2,
+        estimated: &Pose,
+        least: usize,
+    ) -> Placed {
+        let from = self.fit.moved;
+        let worth = |&(turn_rad, placed): &(f64, Placed)| {
+            let fit = placed.fit;
+            fit.support - FOLLOW_WORTH * fit.moved.distance(from) - TURN_WORTH * f64::abs(turn_rad)
+        };
+        let turns = [0.0, TURN_RAD, -TURN_RAD].into_iter();
+        let places = turns.filter_map(|turn_rad| {
+            let global_from_local = turned(&self.global_from_local, middle, turn_rad);
+            let seen = seen_in_local.placed(|place| at(&global_from_local, place));
+            let fit = remembered.register(&seen, from, FOLLOW_M, FOLLOW_WORTH, least)?;
+            let placed = Placed { global_from_local, fit };
+            let is_allowed = turn_rad == 0.0 || placed.turned_rad(estimated).abs() <= MOST_TURN_RAD;
+            is_allowed.then_some((turn_rad, placed))
+        });
+        let best = places.reduce(|best, other| if worth(&other) > worth(&best) { other } else { best });
+        best.map_or(self, |(_, placed)| placed)
+    }
+}
+
+/// A position of the local frame in the global one, m.
+pub(crate) fn at(global_from_local: &Pose, place: DVec2) -> DVec2 {
+    (*global_from_local * place.extend(0.0)).truncate()
+}
+
+/// How far a frame is moved from where it was before, m: the greatest distance between both near a position.
+pub(crate) fn moved_m(frame: &Pose, before: &Pose, near: DVec2) -> f64 {
+    let corners = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].map(|side| near + LEVER_M * side);
+    let moved = corners.map(|corner| at(frame, at(&before.inverse(), corner)).distance(corner));
+    moved.into_iter().fold(0.0, f64::max)
+}
+
+/// The local frame in the global one, turned about a position of the local frame, m.
+pub(crate) fn turned(global_from_local: &Pose, about: DVec2, angle_rad: f64) -> Pose {
+    let centre = at(global_from_local, about);
+    let back = Pose::from_translation((-centre).extend(0.0));
+    Pose::from_xy_yaw(centre.x, centre.y, angle_rad) * back * *global_from_local
+}
+
+/// The map of the parameters, which is read once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FromParams {
+    /// The texts of the map and of the world.
+    texts: Option<(String, String)>,
+    /// The map in the global frame; `None` if there is none.
+    pub(crate) map: Option<Result<Arc<Remembered>, String>>,
+}
+
+impl FromParams {
+    /// Whether these parameters were read.
+    pub(crate) fn is_of(&self, params: &MapMemoryParams) -> bool {
+        let is_same = |(memory, world): &(String, String)| *memory == params.memory && *world == params.world;
+        self.texts.as_ref().is_some_and(is_same)
+    }
+
+    /// Reads the map of the parameters.
+    pub(crate) fn read(params: &MapMemoryParams) -> FromParams {
+        let read = |origin: Origin| -> Result<Option<Arc<Remembered>>, MemoryError> {
+            let map = parse(&params.memory)?.map(|map| Rectangle::of_memory(&map, &origin.0)).transpose()?;
+            Ok(map.map(|map| Arc::new(Remembered::new(map))))
+        };
+        // Without an origin, the process waits for other parameters.
+        let map = Origin::from_toml(&params.world).ok().map(read);
+        let map = map.and_then(|map| map.map_err(|error| format!("memory: {error}")).transpose());
+        FromParams { texts: Some((params.memory.clone(), params.world.clone())), map }
+    }
+}
+
+/// FNV-1a of texts, each with a byte that no text has: a snapshot need not contain them.
+pub(crate) fn fingerprint(texts: [&str; 2]) -> u64 {
+    let bytes = texts.into_iter().flat_map(|text| text.bytes().chain([0xff]));
+    bytes
+        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 #[cfg(test)]

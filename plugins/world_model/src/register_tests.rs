@@ -110,3 +110,13 @@ fn agreement_is_counted_as_a_plain_loop_counts_it() {
     let found = prepared.register(&seen, DVec2::ZERO, 1.3, 0.0, 30).unwrap();
     assert!(found.support >= best.support && found == prepared.compare(&seen, found.moved), "{found:?}");
 }
+
+#[test]
+fn a_map_that_lies_farther_away_than_cells_can_be_counted_is_not_compared() {
+    let sensed = map(DVec2::new(1.2, -0.8));
+    for corner in [DVec2::splat(1e10), DVec2::splat(-1e10), DVec2::new(-1e10, 1e10)] {
+        let remembered = Remembered::new(Rectangle { corner, ..sensed.clone() });
+        assert_eq!(remembered.register(&seen(&sensed), DVec2::ZERO, 4.0, 0.02, 30), None, "{corner}");
+        assert_eq!(remembered.compare(&seen(&sensed), DVec2::ZERO).compared, 0, "{corner}");
+    }
+}

@@ -114,13 +114,18 @@ fn for_each_target<T: Clone>(
     let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
     let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
     let (Some(low), Some(high)) = (grid.cell_at(low), grid.cell_at(high)) else { return };
+    // A cell may be larger than the map.
+    let CellRect { south_west, columns, rows } = grid.bounds();
+    let (east, north) = (south_west.x + columns as i64 - 1, south_west.y + rows as i64 - 1);
+    let low = CellIndex::new(low.x.max(south_west.x), low.y.max(south_west.y));
+    let high = CellIndex::new(high.x.min(east), high.y.min(north));
     let grid_from_frame = view.frame_from_grid().inverse();
     let is_mine = |index: &CellIndex| {
         let middle = (grid_from_frame * grid.middle_of(*index).extend(0.0)).truncate() / size;
         middle.floor() == DVec2::new(column as f64, row as f64)
     };
     let cells = (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| CellIndex::new(x, y)));
-    cells.filter(inside).filter(is_mine).for_each(&mut take);
+    cells.filter(is_mine).for_each(&mut take);
 }
 
 /// What was gathered so far, one entry per cell of the map.

@@ -5,7 +5,7 @@
 //! remembered is then placed as it is registered, and only where nothing is sensed. A wall that is both remembered and
 //! sensed would else be saved twice, a metre apart.
 
-use crate::memory::Rectangle;
+use crate::memory::{MemoryError, Rectangle};
 use rcs_geom::{DVec2, Pose};
 use rcs_world::UNKNOWN_COST;
 use serde::{Deserialize, Serialize};
@@ -19,9 +19,13 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// Takes what is sensed now (local frame) within a distance of a track, m. The newest counts.
-    pub fn take(&mut self, sensed: &Rectangle, track: &[DVec2], within_m: f64) {
-        let Some(mut grown) = Rectangle::around(track, within_m, sensed.cell_size_m) else { return };
+    /// Takes what is sensed now (local frame) within a distance of a track, m. The newest counts. Where the track is too
+    /// long to keep all that is near it, nothing is taken.
+    pub fn take(&mut self, sensed: &Rectangle, track: &[DVec2], within_m: f64) -> Result<(), MemoryError> {
+        if track.is_empty() {
+            return Ok(());
+        }
+        let mut grown = Rectangle::around(track, within_m, sensed.cell_size_m)?;
         if let Some(kept) = &self.map {
             for index in 0..grown.costs.len() {
                 grown.costs[index] = kept.at(grown.centre(index));
@@ -34,15 +38,17 @@ impl Kept {
             });
         }
         self.map = Some(Arc::new(grown));
+        Ok(())
     }
 
-    /// The map to save in the global frame, together with a remembered map and the pose of its frame in the local one.
+    /// The map to save in the global frame, together with a remembered map and the pose of its frame in the local one;
+    /// `None` before anything is taken.
     pub fn saved(
         &self,
         remembered: Option<(&Rectangle, Pose)>,
         global_from_local: &Pose,
-    ) -> Option<Rectangle> {
-        let kept = self.map.as_ref()?;
+    ) -> Result<Option<Rectangle>, MemoryError> {
+        let Some(kept) = &self.map else { return Ok(None) };
         let moved = |frame: &Pose, at: DVec2| (*frame * at.extend(0.0)).truncate();
         let mut corners: Vec<DVec2> = kept.corners().map(|at| moved(global_from_local, at)).into();
         if let Some((map, local_from_map)) = &remembered {
@@ -59,7 +65,7 @@ impl Kept {
             saved.costs[index] = if sensed == UNKNOWN_COST { old() } else { sensed };
         }
         saved.trim();
-        Some(saved)
+        Ok(Some(saved))
     }
 }
 
@@ -88,11 +94,11 @@ mod tests {
     fn a_wall_that_is_remembered_beside_its_place_is_saved_once_where_it_is_sensed() {
         let mut kept = Kept::default();
         let track: Vec<DVec2> = (-3..3).map(|x| DVec2::new(f64::from(x), -3.0)).collect();
-        kept.take(&wall(0.0), &track, 5.0);
+        kept.take(&wall(0.0), &track, 5.0).unwrap();
         let old = wall(0.0);
         let place = |y_m: f64| Some(Pose::from_translation(DVec2::new(0.0, y_m).extend(0.0)));
         for moved in [None, place(0.0), place(-1.6), place(1.2)] {
-            let saved = kept.saved(moved.map(|moved| (&old, moved)), &Pose::IDENTITY).unwrap();
+            let saved = kept.saved(moved.map(|moved| (&old, moved)), &Pose::IDENTITY).unwrap().unwrap();
             assert!((thickness_m(&saved, 0.0) - 0.8).abs() < 0.15, "{moved:?}");
             // Nothing was sensed there.
             let expected_m = if moved.is_some() { 0.8 } else { 0.0 };
@@ -106,14 +112,37 @@ mod tests {
         let sensed = wall(0.0);
         for x in -6..6 {
             let track: Vec<DVec2> = (-6..=x).map(|x| DVec2::new(f64::from(x), -1.0)).collect();
-            kept.take(&sensed, &track, 2.0);
+            kept.take(&sensed, &track, 2.0).unwrap();
         }
         let turned = Pose::from_xy_yaw(30.0, -7.0, 0.1);
-        let saved = kept.saved(None, &turned).unwrap();
+        let saved = kept.saved(None, &turned).unwrap().unwrap();
         for x in -5..5 {
             let in_wall = turned * DVec2::new(f64::from(x), 0.4).extend(0.0);
             assert!(is_obstacle(saved.at(in_wall.truncate())), "{x}");
         }
-        assert_eq!(Kept::default().saved(None, &turned), None);
+        assert_eq!(Kept::default().saved(None, &turned), Ok(None));
+    }
+
+    #[test]
+    fn a_map_that_is_too_large_is_an_error_and_what_was_kept_stays() {
+        let check = |error: MemoryError| {
+            let is_large =
+                matches!(error, MemoryError::Large { columns, rows } if columns > 2500 && rows > 2500);
+            assert!(is_large, "{error}");
+            assert!(error.to_string().ends_with(" cells, expected at most 4000000 in all"), "{error}");
+        };
+        let mut kept = Kept::default();
+        let near = DVec2::new(0.0, -3.0);
+        kept.take(&wall(0.0), &[near], 5.0).unwrap();
+        let before = kept.clone();
+        check(kept.take(&wall(0.0), &[near, DVec2::splat(1000.0)], 5.0).unwrap_err());
+        assert_eq!(kept, before);
+        // A map of another place.
+        let (old, place) = (wall(0.0), Pose::from_xy_yaw(1000.0, 1000.0, 0.0));
+        check(kept.saved(Some((&old, place)), &Pose::IDENTITY).unwrap_err());
+        assert!(kept.saved(None, &Pose::IDENTITY).unwrap().is_some());
+        // Without a track there is nothing to take.
+        kept.take(&wall(0.0), &[], 5.0).unwrap();
+        assert_eq!(kept, before);
     }
 }

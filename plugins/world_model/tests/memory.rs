@@ -11,7 +11,7 @@ use rcs_sense::{CostGrid, GridFrame, pose_message};
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::GridView;
 use rcs_world_model::memory::{Rectangle, parse};
-use rcs_world_model::proto::MapMemory;
+use rcs_world_model::proto::{MapMemory, MapMemoryParams, WorldModelParams};
 use rcs_world_model::{MapMemoryCommand, MapMemoryKeeper, WorldModel};
 
 const STACK: &str = r#"
@@ -54,10 +54,15 @@ impl rcs_runtime::Assets for Files {
 
 /// A bench whose local frame is the global one, moved by (2, 3) m.
 fn start(memory: &str) -> Bench {
+    let params = [("memory.memory", memory)];
+    start_with(STACK, if memory.is_empty() { &[] } else { &params })
+}
+
+/// The same with a stack and parameters.
+fn start_with(stack: &str, params: &[(&str, &str)]) -> Bench {
     let types = [ProcessType::of::<WorldModel>(), ProcessType::of::<MapMemoryKeeper>()];
-    let params = [("memory.world", "w"), ("memory.memory", memory)];
-    let params = if memory.is_empty() { &params[..1] } else { &params };
-    let mut bench = Setup::new(STACK, &types).params(params).assets(&Files).bench();
+    let params = [&[("memory.world", "w")][..], params].concat();
+    let mut bench = Setup::new(stack, &types).params(&params).assets(&Files).bench();
     locate(&mut bench, Stamp(1), DVec2::new(2.0, 3.0));
     bench
 }
@@ -125,7 +130,25 @@ fn first_run() -> String {
     let mut bench = start("");
     look(&mut bench, DVec2::ZERO, 12.0, ground_truth, 40);
     assert_eq!(text(&bench), "nothing is remembered; saves the map");
-    rcs_msg::to_json(&rcs_msg::AnyMessage::new(bench.latest::<MapMemory>("/memory/memory"))).unwrap()
+    file_of(bench.latest("/memory/memory"))
+}
+
+/// The text of the file of a map.
+fn file_of(map: MapMemory) -> String {
+    rcs_msg::to_json(&rcs_msg::AnyMessage::new(map)).unwrap()
+}
+
+/// The file of a map that is changed.
+fn changed(file: &str, change: fn(&mut MapMemory)) -> String {
+    let mut map = parse(file).unwrap().unwrap();
+    change(&mut map);
+    file_of(map)
+}
+
+/// Sets the remembered map while the process runs.
+fn give(bench: &mut Bench, memory: &str) {
+    let params: MapMemoryParams = bench.latest("/memory/params");
+    bench.write("/memory/params", MapMemoryParams { memory: memory.to_owned(), ..params });
 }
 
 fn say(bench: &mut Bench, process: &str, command: &impl CommandSet) {
@@ -225,8 +248,7 @@ fn drive(bench: &mut Bench, from_m: i32, to_m: i32, turned_rad: f64) {
 fn a_map_is_turned_by_which_the_headings_of_both_runs_differ() {
     let mut bench = start("");
     drive(&mut bench, -20, 30, 0.0);
-    let saved = bench.latest::<MapMemory>("/memory/memory");
-    let saved = rcs_msg::to_json(&rcs_msg::AnyMessage::new(saved)).unwrap();
+    let saved = file_of(bench.latest("/memory/memory"));
     for turned_rad in [0.0_f64, 0.05, -0.05] {
         let mut bench = start(&saved);
         drive(&mut bench, -20, 8, turned_rad);
@@ -273,4 +295,104 @@ fn a_map_of_another_place_is_rejected_with_the_reason() {
     look(&mut bench, DVec2::ZERO, 8.0, posts, 40);
     assert!(text(&bench).starts_with("the remembered map does not fit: "), "{}", text(&bench));
     assert!(bench.newest::<Grid>("/memory/cost").is_none(), "nothing is stated");
+}
+
+#[test]
+fn another_map_in_the_parameters_inherits_nothing_of_the_one_before() {
+    let (first, here, behind) = (first_run(), DVec2::new(4.0, -1.5), DVec2::new(7.4, -2.8));
+    for (memory, expected) in [
+        (String::new(), "nothing is remembered; saves the map"),
+        (changed(&first, |map| map.zone = 17), "memory: the map is in UTM zone 17, expected zone 18"),
+        (changed(&first, |map| map.easting_m += 100.0), "waits: 0 obstacle cells can be compared"),
+    ] {
+        let mut bench = start(&first);
+        look(&mut bench, here, 2.5, ground_truth, 40);
+        // The same map once more is no other one.
+        give(&mut bench, &first);
+        look(&mut bench, here, 2.5, ground_truth, 10);
+        assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+        assert_eq!(cost_at(&bench, behind), 250);
+        give(&mut bench, &memory);
+        look(&mut bench, here, 2.5, ground_truth, 20);
+        assert!(text(&bench).starts_with(expected), "{}", text(&bench));
+        assert_eq!((cost_at(&bench, behind), registered(&bench)), (255, None));
+    }
+    // What is cleared is the map before.
+    let mut bench = start(&first);
+    look(&mut bench, here, 2.5, ground_truth, 10);
+    say(&mut bench, "memory", &MapMemoryCommand::Clear);
+    look(&mut bench, here, 2.5, ground_truth, 10);
+    assert_eq!(text(&bench), "the remembered map is cleared");
+    give(&mut bench, &changed(&first, |map| map.easting_m += 0.4));
+    look(&mut bench, here, 2.5, ground_truth, 40);
+    assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+}
+
+#[test]
+fn a_map_that_is_too_large_to_save_is_reported_and_saved_once_it_can_be() {
+    let mut bench = start_with(STACK, &[("memory.save_every_s", "3600")]);
+    look(&mut bench, DVec2::ZERO, 4.0, |_| 0, 20);
+    let far = DVec2::splat(1000.0);
+    look(&mut bench, far, 4.0, |_| 0, 20);
+    assert_eq!(bench.sent("/memory/memory"), 1);
+    say(&mut bench, "memory", &MapMemoryCommand::Save);
+    look(&mut bench, far, 4.0, |_| 0, 20);
+    let expected = "nothing is remembered; the map is not saved: the map would have 25";
+    assert!(text(&bench).starts_with(expected), "{}", text(&bench));
+    assert_eq!(bench.sent("/memory/memory"), 1, "the old map is not sent again");
+    // With larger cells there are fewer of them.
+    let params: WorldModelParams = bench.latest("/wm/params");
+    bench.write("/wm/params", WorldModelParams { cell_size_m: 1.0, ..params });
+    look(&mut bench, far, 4.0, |_| 0, 20);
+    assert_eq!(text(&bench), "nothing is remembered; saves the map");
+    assert_eq!(bench.sent("/memory/memory"), 2, "it was told to save");
+    assert_eq!(bench.faults("memory"), (0, String::new()));
+}
+
+#[test]
+fn a_map_that_was_lost_must_fit_for_as_many_messages_in_turn_again() {
+    let mut bench = start(&first_run());
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
+    assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+    // Fixes move the estimate too far for one message.
+    for (at, expected, end) in [
+        (DVec2::new(7.0, 3.0), "the remembered map lies more than 4 m from", ": not used"),
+        (DVec2::new(2.0, 3.0), "the remembered map may fit: ", "1 of 4 times in turn"),
+    ] {
+        let now = Stamp(bench.now_ms * 1_000_000 + 1);
+        locate(&mut bench, now, at);
+        let before = bench.sent("/memory/registration");
+        for _ in 0..20 {
+            if bench.sent("/memory/registration") == before {
+                look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 1);
+            }
+        }
+        let text = text(&bench);
+        assert!(text.starts_with(expected) && text.ends_with(end), "{text}");
+        assert_eq!(registered(&bench), None, "{text}");
+    }
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
+    assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+}
+
+#[test]
+fn a_map_and_a_pose_in_another_frame_are_faults_and_are_skipped() {
+    let mut bench = start_with(&STACK.replace("map = \"/wm/map\"", "map = \"/operator/map\""), &[]);
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 20);
+    let map: Grid = bench.latest("/wm/map");
+    for (frame, saved) in [("map", 0), ("local", 1)] {
+        bench.write("/operator/map", Grid { frame_id: frame.to_owned(), ..map.clone() });
+        bench.cycles(50, 30);
+        assert_eq!(bench.sent("/memory/memory"), saved, "{frame}");
+        let fault = "map: frame is \"map\", expected \"local\"; skipped";
+        assert_eq!(bench.faults("memory"), (1, fault.to_owned()));
+    }
+    let pose = Some(pose_message(&Pose::IDENTITY));
+    bench.write("/operator/odometry", Odometry { frame_id: "map".to_owned(), pose, ..Odometry::default() });
+    bench.cycles(50, 30);
+    let fault = "odometry: frame is \"map\", expected \"local\"; skipped";
+    assert_eq!(bench.faults("memory"), (2, fault.to_owned()));
+    assert_eq!(text(&bench), "waits for the pose of the vehicle");
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 10);
+    assert_eq!(text(&bench), "nothing is remembered; saves the map");
 }

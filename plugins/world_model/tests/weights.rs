@@ -101,6 +101,17 @@ fn drive(bench: &mut Bench, seconds: std::ops::Range<u32>) {
     }
 }
 
+/// The fused cost at a position of the local frame, m.
+fn fused(bench: &Bench, at: DVec2) -> u8 {
+    let grid: Grid = bench.latest("/wm1/map");
+    let (corner, size) = (grid.pose.unwrap().position.unwrap(), grid.cell_size.unwrap());
+    let place = |at: f64, from: f64, size: f64| ((at - from) / size) as usize;
+    let (column, row) = (place(at.x, corner.x, size.x), place(at.y, corner.y, size.y));
+    let field = grid.fields.iter().find(|field| field.name == "cost").unwrap();
+    let cell = row * grid.row_stride as usize + column * grid.cell_stride as usize;
+    grid.data[cell + field.offset as usize]
+}
+
 fn weight(message: &FusionWeights, source: &str) -> f64 {
     message.weights.iter().find(|entry| entry.source == source).unwrap().weight
 }
@@ -111,6 +122,9 @@ fn the_weight_of_a_source_that_is_wrong_falls_within_its_bound_and_the_reason_is
     drive(&mut bench, 0..3);
     let first: FusionWeights = bench.latest("/learner/weights");
     assert_eq!((weight(&first, "terrain") as f32, first.reason.as_str()), (0.4, "weights of the parameters"));
+    // 1.1 m ahead of the vehicle, where stereo calls the ground free and terrain calls it blocked.
+    let ahead = |second: u32| DVec2::new(0.8 * f64::from(second) + 1.1, 0.1);
+    let before = fused(&bench, ahead(2));
     drive(&mut bench, 3..60);
     assert_eq!(bench.faults("learner"), (0, String::new()));
     let learned: FusionWeights = bench.latest("/learner/weights");
@@ -124,7 +138,8 @@ fn the_weight_of_a_source_that_is_wrong_falls_within_its_bound_and_the_reason_is
     let status: rcs::Status = bench.latest("/learner/status");
     assert!(!status.state_text.is_empty());
     // The world model uses it.
-    assert!(bench.latest::<WorldModelStats>("/wm1/stats").known > 0);
+    let after = fused(&bench, ahead(59));
+    assert!(0 < after && after < before && before < 250, "from {before} to {after}");
     assert_eq!(bench.faults("wm1"), (0, String::new()));
 }
 
