@@ -155,6 +155,7 @@ pub fn picture(
     let mut window = Window::still(&context, request, Arc::clone(frame), layout);
     let screen =
         egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(size.width as f32, size.height as f32));
+    let mut was_repeated = false;
     for pass in 1.. {
         let input = egui::RawInput {
             screen_rect: Some(screen),
@@ -167,7 +168,9 @@ pub fn picture(
         painter.take_textures(&mut output.textures_delta);
         let delay =
             output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
-        let settled = delay.is_none_or(|delay| delay > Duration::ZERO);
+        // After frames that were laid out more than once, egui draws a warning over the next one.
+        let settled = !was_repeated && delay.is_none_or(|delay| delay > Duration::ZERO);
+        was_repeated = output.platform_output.num_completed_passes > 1;
         let last = pass >= MOST_PASSES || (pass >= LEAST_PASSES && settled);
         let painted = last.then(|| {
             let primitives = context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point);

@@ -6,6 +6,7 @@
 use egui::{
     Color32, Context, CornerRadius, FontFamily, FontId, Margin, Shadow, Stroke, TextStyle, Theme, Ui, Vec2,
 };
+use std::num::NonZeroUsize;
 
 /// Grid of all distances, in points: they are multiples of it.
 pub const UNIT: f32 = 4.0;
@@ -142,8 +143,13 @@ impl Tokens {
     }
 }
 
+/// How often a frame is laid out at most. A bar in which nothing fits learns the widths of its items one after the other;
+/// where that takes several frames, egui draws a warning over them.
+const MOST_PASSES: NonZeroUsize = NonZeroUsize::MIN.saturating_add(3);
+
 /// Installs the icons and both themes in a context. Call it once, before the first pass.
 pub fn install(ctx: &Context) {
+    ctx.options_mut(|options| options.max_passes = MOST_PASSES);
     egui_material_icons::initialize(ctx);
     for theme in [Theme::Dark, Theme::Light] {
         ctx.style_mut_of(theme, |style| apply(style, tokens_of(theme)));
