@@ -2,7 +2,6 @@
 
 use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children};
 use crate::command::{CommandSet, Obeys, Order};
-use crate::node::Input;
 use crate::pool::Pool;
 use crate::ports::{In, Out};
 use crate::register::Register;
@@ -21,7 +20,8 @@ use std::sync::Arc;
 pub struct Cycle<'a> {
     pub(crate) now: Stamp,
     pub(crate) inputs: &'a mut [InputView],
-    pub(crate) wired: &'a [Option<Input>],
+    /// Which inputs the stack connects.
+    pub(crate) wired: &'a [bool],
     pub(crate) staged: &'a mut Vec<Staged>,
     pub(crate) status: &'a mut StatusCell,
     pub(crate) register: &'a mut Register,
@@ -123,7 +123,7 @@ impl Cycle<'_> {
 
     /// Whether the stack connects a port. One that it connects may still have no message.
     pub fn is_wired<T>(&self, port: &In<T>) -> bool {
-        self.wired[port.index].is_some()
+        self.wired[port.index]
     }
 
     /// Number of messages of a port since the last cycle that were dropped before this process could read them.

@@ -28,6 +28,8 @@ pub(crate) struct Node {
     body: Box<dyn Body>,
     kind: crate::ProcessType,
     inputs: Vec<Option<Input>>,
+    /// Which of them the stack connects.
+    wired: Vec<bool>,
     views: Vec<InputView>,
     commands: Reader,
     params: Reader,
@@ -74,7 +76,7 @@ impl NewMessages {
     }
 }
 
-pub(crate) struct Input {
+struct Input {
     reader: Reader,
     depth: usize,
 }
@@ -147,6 +149,7 @@ impl Node {
             body: process.kind.make(&process.params, &plan.files)?,
             kind: process.kind,
             views: vec![InputView::default(); inputs.len()],
+            wired: inputs.iter().map(Option::is_some).collect(),
             inputs,
             commands: buffers[process.command_buffer].reader(),
             params: buffers[process.params_buffer].reader(),
@@ -265,7 +268,7 @@ impl Node {
         let mut cycle = Cycle {
             now,
             inputs: &mut self.views,
-            wired: &self.inputs,
+            wired: &self.wired,
             staged: &mut self.staged,
             status: &mut self.status,
             register: &mut self.register,
