@@ -173,16 +173,23 @@ impl Earlier {
 
     /// What was said of a cell, counted from the origin of the frame; `None` outside of the map.
     fn at(&self, cell: [i64; 2], sources: usize) -> Option<&[Evidence]> {
-        let [column, row] = [0, 1].map(|axis| usize::try_from(cell[axis] - self.corner[axis]).ok());
-        let column = column.filter(|&column| column < self.columns)?;
-        let index = (row? * self.columns + column) * sources;
+        // The corner may be so far away that its cell is the first or the last one that can be counted.
+        let from_corner = |axis: usize| {
+            let cells = cell[axis].checked_sub(self.corner[axis])?;
+            usize::try_from(cells).ok()
+        };
+        let column = from_corner(0).filter(|&column| column < self.columns)?;
+        let row = from_corner(1).filter(|&row| row < self.said.len())?;
+        let index = (row * self.columns + column) * sources;
         self.said.get(index..index + sources)
     }
 
+    /// The cells that can be counted from the origin of the frame, and what was said of them.
     fn cells(&self, sources: usize) -> impl Iterator<Item = ([i64; 2], &[Evidence])> {
-        self.said.chunks(sources.max(1)).enumerate().map(|(at, said)| {
-            let place = [at % self.columns, at / self.columns];
-            ([0, 1].map(|axis| self.corner[axis] + place[axis] as i64), said)
+        self.said.chunks(sources.max(1)).enumerate().filter_map(|(at, said)| {
+            let x = self.corner[0].checked_add((at % self.columns) as i64)?;
+            let y = self.corner[1].checked_add((at / self.columns) as i64)?;
+            Some(([x, y], said))
         })
     }
 }

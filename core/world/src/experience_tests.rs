@@ -115,6 +115,28 @@ fn a_split_keeps_every_sample_and_an_earlier_map_begins_anew() {
     assert_eq!(experience.samples(), &kept);
 }
 
+#[test]
+fn a_map_that_is_farther_away_than_cells_can_be_counted_gives_no_samples() {
+    let mut map = Map::with_side(61, 0.2).unwrap();
+    vote(&mut map, Source::BUMPER, 0, 1, &[DVec2::ZERO]);
+    vote(&mut map, Source::COLOR, 200, 12, &row(0.1));
+    let options = MapOptions {
+        sources: [Source::STEREO, Source::COLOR, Source::BUMPER].into_iter().collect(),
+        heights: false,
+        weights: weights(),
+    };
+    let mut grid = map.to_grid("local", Stamp(1), &options);
+    let mut experience = Experience::new(&weights());
+    // The south-west corner, m. Each map lies apart from the one before.
+    let corners = [[-6.0, -6.0], [1e19, 1e19], [-1e19, -1e19], [-6.0, -1e18], [-6.0, -6.0], [1e18, -1e19]];
+    for (second, [x, y]) in (1..).zip(corners) {
+        grid.pose.as_mut().unwrap().position = Some(rcs_msg::foxglove::Vector3 { x, y, z: 0.0 });
+        let time = Stamp(second * 1_000_000_000);
+        experience.take(&GridView::new(&grid).unwrap(), time).unwrap();
+    }
+    assert!(experience.samples().is_empty());
+}
+
 proptest! {
     #[test]
     fn judgements_are_those_of_the_fusion_rule(

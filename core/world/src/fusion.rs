@@ -34,7 +34,7 @@ pub struct Weighted {
 }
 
 impl Weighted {
-    /// Whether the source is on. Weights that are no weights ([`Weights::check`]) turn it off.
+    /// Whether the source is on. NaN, infinity and negative weights turn it off.
     fn counts(&self) -> bool {
         self.weight > 0.0 && self.weight.is_finite()
     }
@@ -82,14 +82,6 @@ impl FromIterator<Weighted> for Weights {
     }
 }
 
-/// An invalid weight.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("weight of {source_name} is {value}, expected a finite number from 0 up")]
-pub struct WeightsError {
-    source_name: Source,
-    value: f32,
-}
-
 impl Weights {
     /// The entries, in their order.
     pub fn iter(&self) -> impl Iterator<Item = Weighted> + Clone + use<'_> {
@@ -116,14 +108,6 @@ impl Weights {
     pub fn is_blind(&self) -> bool {
         let mut distant = self.entries.iter().filter(|entry| entry.kind != SourceKind::Override).peekable();
         distant.peek().is_some() && distant.all(|entry| !entry.counts())
-    }
-
-    /// Refuses NaN, infinity and negative weights. [`fuse`] treats them as 0.
-    pub fn check(&self) -> Result<(), WeightsError> {
-        match self.entries.iter().find(|entry| !(entry.weight.is_finite() && entry.weight >= 0.0)) {
-            Some(entry) => Err(WeightsError { source_name: entry.source, value: entry.weight }),
-            None => Ok(()),
-        }
     }
 
     /// These sources in the order of fusion, each with its index in `sources`.

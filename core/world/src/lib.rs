@@ -47,7 +47,7 @@ pub use cell::{Cell, Evidence, HeightStats, Label, Vote, VoteRule};
 pub use columns::OBSTACLE_SEEN_FROM;
 pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
 pub use experience::{Experience, Fit, FitRules, Judged, Outcome, Samples, WeightChange, fit};
-pub use fusion::{Fused, SourceKind, Weighted, Weights, WeightsError, fuse};
+pub use fusion::{Fused, SourceKind, Weighted, Weights, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
 pub use layout::MapGridError;
 pub use map::{CELL_SIZE_M, MAX_SIDE, Map, SIDE};

@@ -83,6 +83,11 @@ impl Map {
         self.layer(source).and_then(|layer| layer.get(index)).copied().unwrap_or_default()
     }
 
+    /// Forgets the evidence of the other sources. What they said of heights stays, because it is not kept by source.
+    pub fn keep_sources(&mut self, is_kept: impl Fn(Source) -> bool) {
+        self.layers.retain(|(source, _)| is_kept(*source));
+    }
+
     /// Sources that have voted, in the order of their first votes.
     pub fn sources(&self) -> Sources {
         self.layers.iter().map(|&(source, _)| source).collect()

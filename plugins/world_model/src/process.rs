@@ -3,14 +3,16 @@
 
 use crate::algo::{VoteOrigin, take};
 use crate::proto::{FusionWeights, WorldModelParams, WorldModelSourceStats, WorldModelStats};
+use crate::resample::resampled;
 use crate::sources::{Listed, check_sources};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
-use rcs_world::{Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources};
+use rcs_world::{GridViewError, Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// State: the map, the poses of the last seconds, what each source has contributed, and when the map was last published
 /// and faded.
@@ -154,16 +156,19 @@ impl Process for WorldModel {
         let vehicle = self.scroll(params, cx.now());
         self.take_weights(ports, cx);
         let listed = Listed::of(params).with_learned(&self.learned);
+        self.forget_unlisted(&listed);
         for (source, port) in &ports.named {
             while let Some(grid) = cx.read(port) {
-                if let Err(fault) = self.vote(*source, &grid, &listed, params, cx.now()) {
+                if let Err(fault) = self.vote(&[*source], &grid, &listed, params, cx.now()) {
                     cx.fault(format!("{source}: {fault}; cost map skipped"));
                 }
             }
         }
         while let Some(grid) = cx.read(&ports.costs) {
-            if let Err(fault) = self.vote_for_each(&grid, &listed, params, cx.now()) {
-                cx.fault(format!("{fault}; cost map skipped"));
+            let voted = sources_of(&grid, &listed)
+                .and_then(|sources| self.vote(&sources, &grid, &listed, params, cx.now()));
+            if let Err(fault) = voted {
+                cx.fault(format!("costs: {fault}; cost map skipped"));
             }
         }
         self.fade(params, &listed, cx.now());
@@ -211,69 +216,59 @@ impl WorldModel {
         }
     }
 
-    /// Votes for each source whose field the cost map contains.
-    fn vote_for_each(
-        &mut self,
-        grid: &Msg<Grid>,
-        listed: &Listed,
-        params: &WorldModelParams,
-        now: Stamp,
-    ) -> Result<(), String> {
-        let fields = |source: Source| {
-            let name = format!("cost.{source}");
-            grid.fields.iter().any(|field| field.name == name)
-        };
-        let sources: Vec<Source> =
-            listed.weights.iter().map(|entry| entry.source).filter(|&source| fields(source)).collect();
-        if sources.is_empty() {
-            let known: Vec<_> = listed.weights.iter().map(|entry| entry.source.to_string()).collect();
-            return Err(format!("costs: expected a field cost.<source> of {}", known.join(", ")));
+    /// Forgets sources that the parameters list no longer: they would count like range sensors, and never fade.
+    fn forget_unlisted(&mut self, listed: &Listed) {
+        let is_listed = |source: Source| listed.rule(source).is_some();
+        if !self.seen.iter().all(is_listed) {
+            self.seen = self.seen.iter().filter(|&source| is_listed(source)).collect();
+            self.map.keep_sources(is_listed);
         }
-        sources.into_iter().try_for_each(|source| {
-            self.vote(source, grid, listed, params, now).map_err(|fault| format!("{source}: {fault}"))
-        })
     }
 
+    /// Takes a cost map of one or several sources. One that is refused changes nothing.
     fn vote(
         &mut self,
-        source: Source,
+        sources: &[Source],
         grid: &Msg<Grid>,
         listed: &Listed,
         params: &WorldModelParams,
         now: Stamp,
     ) -> Result<(), String> {
-        let Some(rule) = listed.rule(source) else {
+        let origin = |&source: &Source| {
+            Some(VoteOrigin {
+                source,
+                sequence: grid.header().sequence as u32,
+                time: grid.acq_time(),
+                rule: listed.rule(source)?,
+                least_backing: listed.least_backing(source),
+                height_tolerance_m: params.height_tolerance_m as f32,
+            })
+        };
+        let Some(origins) = sources.iter().map(origin).collect::<Option<Vec<VoteOrigin>>>() else {
             return Err("it is none of the sources that the parameters list".to_owned());
         };
         let local = extrinsics(params).frames.local;
         if grid.frame_id != local {
             return Err(format!("frame is {:?}, expected {local:?}", grid.frame_id));
         }
-        let origin = VoteOrigin {
-            source,
-            sequence: grid.header().sequence as u32,
-            time: grid.acq_time(),
-            rule,
-            least_backing: listed.least_backing(source),
-            height_tolerance_m: params.height_tolerance_m as f32,
-        };
-        // A cost map that is refused clears nothing.
-        let mut cleared = params.clear_each_frame.then(|| {
-            let mut map = self.map.clone();
+        // Of several sources, a later one may be refused.
+        let mut copy = (params.clear_each_frame || origins.len() > 1).then(|| self.map.clone());
+        let map = copy.as_mut().unwrap_or(&mut self.map);
+        if params.clear_each_frame {
             map.clear();
-            map
-        });
-        let map = cleared.as_mut().unwrap_or(&mut self.map);
-        let taken = take(map, grid, &origin).map_err(|error| error.to_string())?;
-        if let Some(map) = cleared {
+        }
+        let votes = take_all(map, grid, &origins).map_err(|error| error.to_string())?;
+        if let Some(map) = copy {
             self.map = map;
         }
-        self.seen.insert(source);
         // A time from the future would make the map look new for ever.
-        self.changed = self.changed.max(origin.time.min(now));
-        let contribution = self.contribution(source);
-        contribution.votes += taken.votes;
-        contribution.newest = contribution.newest.max(origin.time);
+        self.changed = self.changed.max(grid.acq_time().min(now));
+        for (origin, votes) in std::iter::zip(&origins, votes) {
+            self.seen.insert(origin.source);
+            let contribution = self.contribution(origin.source);
+            contribution.votes += votes;
+            contribution.newest = contribution.newest.max(origin.time);
+        }
         Ok(())
     }
 
@@ -367,6 +362,51 @@ impl WorldModel {
         };
         cx.write(&ports.stats, acq_time, stats);
     }
+}
+
+/// The listed sources of which a cost map has a field.
+fn sources_of(grid: &Grid, listed: &Listed) -> Result<Vec<Source>, String> {
+    let has_field = |source: Source| {
+        let name = format!("cost.{source}");
+        grid.fields.iter().any(|field| field.name == name)
+    };
+    let known = listed.weights.iter().map(|entry| entry.source);
+    let sources: Vec<Source> = known.clone().filter(|&source| has_field(source)).collect();
+    if sources.is_empty() {
+        let known: Vec<_> = known.map(|source| source.to_string()).collect();
+        return Err(format!("expected a field cost.<source> of {}", known.join(", ")));
+    }
+    Ok(sources)
+}
+
+/// Takes a cost map for each of its sources, and its heights once. Returns the number of votes of each.
+fn take_all(map: &mut Map, grid: &Grid, origins: &[VoteOrigin]) -> Result<Vec<u64>, GridViewError> {
+    if let [origin] = origins {
+        return Ok(vec![take(map, grid, origin)?.votes]);
+    }
+    take_heights(map, grid, origins)?;
+    let is_height = |name: &str| name.starts_with("ground.") || name.starts_with("obstacle.");
+    let mut costs = grid.clone();
+    costs.fields.retain(|field| !is_height(&field.name));
+    origins.iter().map(|origin| take(map, &costs, origin).map(|taken| taken.votes)).collect()
+}
+
+/// Takes the heights of each cell once, with the first source that says something of it.
+fn take_heights(map: &mut Map, grid: &Grid, origins: &[VoteOrigin]) -> Result<(), GridViewError> {
+    let mut taken = BTreeSet::new();
+    for origin in origins {
+        let cells = resampled(grid, origin.source, map.grid())?.cells;
+        for sensed in cells.iter().filter(|sensed| sensed.vote.backing >= origin.least_backing) {
+            let [ground, obstacle] = &sensed.heights;
+            if (ground.count > 0 || obstacle.count > 0)
+                && taken.insert(sensed.cell)
+                && let Some(cell) = map.cell_mut(sensed.cell)
+            {
+                cell.observe_heights(ground, obstacle, origin.height_tolerance_m, origin.time, origin.rule);
+            }
+        }
+    }
+    Ok(())
 }
 
 fn extrinsics(params: &WorldModelParams) -> Extrinsics<'_> {

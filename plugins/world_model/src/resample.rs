@@ -254,6 +254,15 @@ mod tests {
     }
 
     #[test]
+    fn a_cell_that_is_larger_than_the_map_is_a_vote_for_the_part_of_the_map_in_it() {
+        for cell_size_m in [100.0, 100_000.0] {
+            let cells = received(0.2, &message(cell_size_m, &[([1.0, 1.0], 90)]));
+            let expected: Vec<_> = (0..=100).flat_map(|y| (0..=100).map(move |x| ([x, y], 90))).collect();
+            assert_eq!(cells, expected, "{cell_size_m} m");
+        }
+    }
+
+    #[test]
     fn a_turned_cost_map_lands_on_the_same_ground() {
         use rcs_msg::foxglove::{Pose, Quaternion, Vector3};
         let mut turned = message(0.2, &[([2.1, 0.1], 250)]);

@@ -107,6 +107,20 @@ mod tests {
     use rcs_msg::AnyMessage;
     use rcs_world::{Fused, weight_field, weights_of};
 
+    #[test]
+    fn a_learned_weight_counts_with_the_weight_of_the_parameters_from_which_it_was_learned() {
+        let entry =
+            |name: &str| WorldModelSource { name: name.to_owned(), weight: 0.5, ..Default::default() };
+        let params =
+            WorldModelParams { sources: vec![entry("stereo"), entry("color")], ..Default::default() };
+        let given = Listed::of(&params).weights;
+        let learned =
+            |source, weight, given| Listed::of(&params).with_learned(&[(source, weight, given)]).weights;
+        assert_eq!(learned(Source::COLOR, 0.2, 0.5), given.clone().with(Source::COLOR, 0.2));
+        assert_eq!(learned(Source::COLOR, 0.2, 0.4), given, "the parameters have changed");
+        assert_eq!(learned(Source::TERRAIN, 0.2, 1.0), given, "not listed");
+    }
+
     /// A window fuses a map again with weights that it reads from the parameters: they must be those of the process.
     #[test]
     fn a_window_reads_the_same_weights_from_the_parameters() {

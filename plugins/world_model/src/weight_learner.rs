@@ -94,6 +94,7 @@ impl Process for WeightLearner {
             let WeightLearnerCommand::Reset = command;
             if let Some(learned) = &mut self.learned {
                 *learned = Learned::new(learned.given.clone());
+                (self.fitted, self.text) = (None, String::new());
                 send(ports, learned, self.adjusts, "reset".to_owned(), [Judged::default(); 2], cx);
             }
         }
@@ -101,6 +102,7 @@ impl Process for WeightLearner {
             && self.learned.as_ref().is_none_or(|learned| learned.given != given)
         {
             let learned = self.learned.insert(Learned::new(given));
+            (self.fitted, self.text) = (None, String::new());
             let reason = "weights of the parameters".to_owned();
             send(ports, learned, self.adjusts, reason, [Judged::default(); 2], cx);
         }
@@ -158,6 +160,11 @@ fn refit(
     let rules = FitRules { greatest_factor: params.greatest_factor as f32, ..FitRules::default() };
     // From the weights of the parameters each time, so that the factor bounds the whole change.
     let Fit { weights, .. } = fit(&ours, &learned.given, &rules)?;
+    if !params.adjusts && weights == learned.given {
+        // What an earlier fit called better is so no longer, and would count once the process adjusts.
+        learned.now = weights;
+        return Ok(None);
+    }
     let used = learned.used(params.adjusts).clone();
     let judged = [&used, &weights].map(|weights| others.judge(weights));
     if weights == learned.now || judged[1].loss >= judged[0].loss * (1.0 - rules.least_gain) {
