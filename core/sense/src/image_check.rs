@@ -142,6 +142,11 @@ pub fn fingerprint(data: &[u8]) -> u64 {
     rest.iter().fold(hash, |hash, &byte| mix(hash, u64::from(byte)))
 }
 
+/// The same of several texts, in their order: of the files of a process, so that its state need not contain them.
+pub fn fingerprint_of_texts(texts: &[&String]) -> u64 {
+    texts.iter().fold(0, |hash, text| fingerprint(text.as_bytes()) ^ hash.rotate_left(21))
+}
+
 fn mix(hash: u64, word: u64) -> u64 {
     let product = (hash ^ word).wrapping_mul(PRIME);
     product ^ (product >> 29)

@@ -45,7 +45,9 @@ mod worth;
 
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
 pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, upright};
-pub use image_check::{ImageCheck, ImageFault, check_exposure, check_size, fingerprint, luma, size_of};
+pub use image_check::{
+    ImageCheck, ImageFault, check_exposure, check_size, fingerprint, fingerprint_of_texts, luma, size_of,
+};
 pub use label::ObstacleLabel;
 pub use learned::{last_learned, learned_name, model_to_delete};
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};

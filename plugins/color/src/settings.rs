@@ -5,7 +5,7 @@ use crate::file::parse;
 use crate::models::{Models, Settings};
 use crate::proto::ColorModelsParams;
 use crate::region::Rectangle;
-use rcs_sense::{Extrinsics, fingerprint};
+use rcs_sense::{Extrinsics, fingerprint_of_texts};
 
 pub(crate) fn initial_models(params: &ColorModelsParams) -> Result<Models, String> {
     let mut models = Models::default();
@@ -24,8 +24,7 @@ pub(crate) fn initial_engine(params: &ColorModelsParams) -> Engine {
 }
 
 pub(crate) fn files(params: &ColorModelsParams) -> u64 {
-    let texts = [&params.models, &params.models_2, &params.models_3];
-    texts.iter().fold(0, |hash, text| fingerprint(text.as_bytes()) ^ hash.rotate_left(21))
+    fingerprint_of_texts(&[&params.models, &params.models_2, &params.models_3])
 }
 
 pub(crate) fn rectangle(params: &ColorModelsParams) -> Rectangle {

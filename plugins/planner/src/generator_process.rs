@@ -417,7 +417,7 @@ impl WaypointGenerator {
         // Small motions of the goal are not told.
         let local = self.told.filter(|_| !goal_moved).map_or(local, DVec2::from);
         let near = self.near_goal(local, &global_from_local, self.lookahead_m(params));
-        let is_led_no_more = near == local && self.near_told != self.told;
+        let is_led_no_more = near == local && self.is_led();
         if !goal_moved && !is_led_no_more && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
             return;
         }

@@ -15,7 +15,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, CELL_SIZE_M, GridFrame, Localizer, PosePorts, fingerprint, model_to_delete};
+use rcs_sense::{Axes, CELL_SIZE_M, GridFrame, Localizer, PosePorts, fingerprint_of_texts, model_to_delete};
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -385,8 +385,7 @@ fn rules(params: &TerrainLearnerParams) -> ModelRules {
 
 /// Fingerprint of the model files of the parameters.
 fn files(params: &TerrainLearnerParams) -> u64 {
-    let texts = [&params.models, &params.models_right];
-    texts.iter().fold(0, |hash, text| fingerprint(text.as_bytes()) ^ hash.rotate_left(21))
+    fingerprint_of_texts(&[&params.models, &params.models_right])
 }
 
 /// Maps with the models of the parameters; texts refused by [`Process::check`] are left out.

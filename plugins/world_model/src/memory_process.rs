@@ -3,14 +3,14 @@
 
 use crate::memory::{MemoryError, Rectangle, by_shape, parse, statement};
 use crate::proto::{MapMemory, MapMemoryParams};
-use crate::register::{Fit, FromParams, Placed, Remembered, Seen, at, fingerprint, moved_m, turned};
+use crate::register::{Fit, FromParams, Placed, Remembered, Seen, at, moved_m, turned};
 use crate::saved::Kept;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
 use rcs_msg::rcs::{Plan, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
+use rcs_sense::{GridFrame, Localizer, Origin, fingerprint_of_texts, pose_of};
 use rcs_world::{GridView, Source, UNKNOWN_COST, fuse_grid};
 use serde::{Deserialize, Serialize};
 
@@ -252,7 +252,7 @@ impl MapMemoryKeeper {
             return;
         }
         self.remembered = FromParams::read(params);
-        let used = fingerprint([&params.memory, &params.world]);
+        let used = fingerprint_of_texts(&[&params.memory, &params.world]);
         if self.used.replace(used).is_some_and(|before| before != used) {
             self.place(None);
             (self.settled, self.proposed, self.elsewhere) = (None, None, 0);

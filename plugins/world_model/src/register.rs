@@ -305,13 +305,6 @@ impl FromParams {
     }
 }
 
-/// FNV-1a of texts, each with a byte that no text has: a snapshot need not contain them.
-pub(crate) fn fingerprint(texts: [&str; 2]) -> u64 {
-    let bytes = texts.into_iter().flat_map(|text| text.bytes().chain([0xff]));
-    bytes
-        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
-}
-
 #[cfg(test)]
 #[path = "register_tests.rs"]
 mod tests;

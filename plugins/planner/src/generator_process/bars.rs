@@ -26,7 +26,7 @@ impl WaypointGenerator {
         params: &WaypointGeneratorParams,
         cx: &mut Cycle<'_>,
     ) {
-        let is_led = self.near_told.is_some() && self.near_told != self.told;
+        let is_led = self.near_told.is_some() && self.is_led();
         let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
         if params.no_way_bars_m <= 0.0 || !is_led || !is_closed {
             self.no_way = None;

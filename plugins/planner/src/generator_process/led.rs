@@ -59,7 +59,7 @@ impl WaypointGenerator {
             self.nearer_until = self.nearer_until.filter(|until| now < *until);
             return;
         }
-        let Some(led) = self.near_told.filter(|_| self.near_told != self.told) else { return };
+        let Some(led) = self.near_told.filter(|_| self.is_led()) else { return };
         let plan = cx.latest(&ports.plan).filter(|plan| (plan.goal_x_m, plan.goal_y_m) == led);
         let length_m = plan.and_then(|plan| Some(plan.chosen.as_ref()?.length_m)).unwrap_or(0.0);
         if length_m > DETOUR * params.lookahead_m {
