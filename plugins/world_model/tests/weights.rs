@@ -71,6 +71,11 @@ fn costs(source: Source, vehicle_m: f64, costs: &[(DVec2, u8)], time: Stamp) -> 
 /// Drives for some seconds at 0.8 m/s beside a row of obstacles, which stereo is sure of from near. Terrain calls the
 /// free row blocked and the obstacles free.
 fn drive(bench: &mut Bench, seconds: std::ops::Range<u32>) {
+    drive_with(bench, seconds, false);
+}
+
+/// The same, where terrain may be right.
+fn drive_with(bench: &mut Bench, seconds: std::ops::Range<u32>, is_right: bool) {
     for second in seconds {
         let vehicle_m = 0.8 * f64::from(second);
         let time = Stamp(bench.now_ms * 1_000_000 + 1);
@@ -89,7 +94,8 @@ fn drive(bench: &mut Bench, seconds: std::ops::Range<u32>) {
         let both = [row(0, 30, 0.1, 0), row(0, 30, 2.1, 250)].concat();
         bench.write("/operator/stereo", costs(Source::STEREO, vehicle_m, &both, time));
         let wrong = [row(0, 30, 0.1, 250), row(0, 30, 2.1, 0)].concat();
-        bench.write("/operator/terrain", costs(Source::TERRAIN, vehicle_m, &wrong, time));
+        let terrain = if is_right { &both } else { &wrong };
+        bench.write("/operator/terrain", costs(Source::TERRAIN, vehicle_m, terrain, time));
         let behind = row(-6, -1, 0.1, 0);
         bench.write("/operator/bumper", costs(Source::BUMPER, vehicle_m, &behind, time));
         for _ in 0..8 {
@@ -110,6 +116,10 @@ fn fused(bench: &Bench, at: DVec2) -> u8 {
     let field = grid.fields.iter().find(|field| field.name == "cost").unwrap();
     let cell = row * grid.row_stride as usize + column * grid.cell_stride as usize;
     grid.data[cell + field.offset as usize]
+}
+
+fn text(bench: &Bench) -> String {
+    bench.latest::<rcs::Status>("/learner/status").state_text
 }
 
 fn weight(message: &FusionWeights, source: &str) -> f64 {
@@ -159,6 +169,45 @@ fn told_not_to_adjust_it_says_what_would_be_better_and_the_weights_stay() {
     let learned: FusionWeights = bench.latest("/learner/weights");
     assert!((weight(&learned, "terrain") - 0.1).abs() < 1e-6, "{learned:?}");
     assert_eq!(learned.reason, "adjusts as told");
+}
+
+#[test]
+fn better_weights_that_a_later_fit_refutes_do_not_count_once_it_adjusts() {
+    let params = [("learner.adjusts", "false"), ("learner.judgements", "1200")];
+    let types = [ProcessType::of::<WorldModel>(), ProcessType::of::<WeightLearner>()];
+    let mut bench = Setup::new(STACK, &types).params(&params).bench();
+    drive(&mut bench, 0..60);
+    let advice: FusionWeights = bench.latest("/learner/weights");
+    assert!(advice.reason.starts_with("better would be terrain 0.4 to 0.1: "), "{}", advice.reason);
+    // Then terrain says what stereo says, until nothing else is left of the newest judgements.
+    drive_with(&mut bench, 60..120, true);
+    assert!(text(&bench).starts_with("no better weights for "), "{}", text(&bench));
+    let mut params: WeightLearnerParams = bench.latest("/learner/params");
+    params.adjusts = true;
+    bench.write("/learner/params", params);
+    bench.cycles(125, 16);
+    let weights: FusionWeights = bench.latest("/learner/weights");
+    assert_eq!(weight(&weights, "terrain") as f32, 0.4, "{weights:?}");
+}
+
+#[test]
+fn after_reset_and_with_other_parameters_the_status_says_nothing_of_before() {
+    let mut bench = bench();
+    drive(&mut bench, 0..42);
+    assert!(text(&bench).contains(" judgements"), "{}", text(&bench));
+    bench.write(
+        "/learner/command",
+        rcs::Command { serial: 99, name: "RESET".to_owned(), ..Default::default() },
+    );
+    drive(&mut bench, 42..44);
+    assert_eq!(text(&bench), "collects experience");
+    drive(&mut bench, 44..64);
+    assert_ne!(text(&bench), "collects experience");
+    let mut params: WorldModelParams = bench.latest("/wm1/params");
+    params.sources[1].weight = 0.5;
+    bench.write("/wm1/params", params);
+    drive(&mut bench, 64..66);
+    assert_eq!(text(&bench), "collects experience");
 }
 
 #[test]
