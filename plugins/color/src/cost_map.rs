@@ -127,14 +127,17 @@ impl<'a> Ground<'a> {
                 let posts = joined(&seen(posts(&pixels, &shape, above_m)), &view, shape.span_m);
                 feet = std::iter::zip(feet, posts).map(|(foot, post)| Foot::lower(foot, post)).collect();
             }
-            let says = |foot: &Foot| foot.backing > 0;
+            // One above the horizon has no place on the ground: the line of its ray meets the ground behind the camera.
+            let says =
+                |column: usize, foot: &Foot| foot.backing > 0 && slopes[foot.row * WIDTH + column] > 0.0;
             let placed = |(column, foot): (usize, &Option<Foot>)| {
-                foot.as_ref().filter(|foot| says(foot)).map(|foot| place(column, foot))
+                foot.as_ref().filter(|foot| says(column, foot)).map(|foot| place(column, foot))
             };
             let placed = feet.iter().enumerate().filter_map(placed);
             if screens.is_some_and(|screens| screens.nothing_stands(camera, placed)) {
                 for (column, slot) in feet.iter_mut().enumerate() {
-                    *slot = slot.filter(|foot| !says(foot) || !Screens::is_near(camera, place(column, foot)));
+                    *slot = slot
+                        .filter(|foot| !says(column, foot) || !Screens::is_near(camera, place(column, foot)));
                 }
             }
             feet
@@ -298,6 +301,17 @@ mod tests {
         known: impl Fn(DVec3) -> u8,
         screens: Option<&Screens<'_>>,
     ) -> CostMap {
+        check_sky(local_from_vehicle, paint, known, |_| 0, screens)
+    }
+
+    /// The same with what has the colour of a known obstacle above the horizon, by the direction of a ray.
+    fn check_sky(
+        local_from_vehicle: Pose,
+        paint: impl Fn(DVec3) -> u8,
+        known: impl Fn(DVec3) -> u8,
+        sky: impl Fn(DVec3) -> u8,
+        screens: Option<&Screens<'_>>,
+    ) -> CostMap {
         let camera =
             PinholeCamera::new([320, 240], [200.0, 200.0], [160.0, 120.0], Distortion::None).unwrap();
         let mount = Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 20_f64.to_radians(), 0.0)
@@ -319,7 +333,8 @@ mod tests {
             let direction = mount.rotate(ray);
             (direction.z < 0.0).then(|| mount.translation + direction * (-1.0 / direction.z))
         };
-        let known: Vec<u8> = rays.iter().map(|&ray| at(ray).map_or(0, &known)).collect();
+        let known: Vec<u8> =
+            rays.iter().map(|&ray| at(ray).map_or_else(|| sky(mount.rotate(ray)), &known)).collect();
         let place = CameraPlacement {
             camera: &camera,
             rays: &rays,
@@ -402,6 +417,23 @@ mod tests {
         };
         assert!(backed(Some(1.0)) >= 4);
         assert_eq!(backed(None), 0);
+    }
+
+    #[test]
+    fn what_is_above_the_horizon_is_no_soil_nearby() {
+        let is_fence = |p: DVec3| if (4.0..7.0).contains(&p.x) && p.y.abs() < 0.1 { 200 } else { 0 };
+        // Behind the camera, the lines of these rays meet the ground within 6.7 m.
+        let is_high = |ray: DVec3| if ray.z > 0.15 * ray.truncate().length() { 200 } else { 0 };
+        let grid = crate::hidden::tests::ground(Some(1.0));
+        let view = rcs_world::GridView::new(&grid).unwrap();
+        let screens = Screens::of(&view);
+        let backed = |sky: &dyn Fn(DVec3) -> u8| {
+            let map = check_sky(Pose::IDENTITY, |_| 40, is_fence, sky, screens.as_ref());
+            map.backings.iter().filter(|backing| **backing > 0).count()
+        };
+        let fence = backed(&|_| 0);
+        assert!(fence > 0);
+        assert_eq!(backed(&is_high), fence);
     }
 
     #[test]

@@ -34,6 +34,9 @@ const BEFORE_LEVEL: f64 = 0.75;
 /// Measured: three of ten and more at a fence of mesh, none on soil.
 const SHAPED_TO_M: f64 = 7.0;
 const LEAST_SHAPED: f64 = 0.1;
+/// Number of cells to each side of a foot that are looked at for what towers over it, at most. Where the radius is larger,
+/// the foot is so far away that none of them is in a map of [`rcs_world::MAX_SIDE`] cells around the camera.
+const MOST_BESIDE: f64 = 100.0;
 /// Nothing nearer to the camera than this, m, is looked at.
 const NEAREST_M: f64 = 0.5;
 
@@ -75,7 +78,7 @@ impl<'a> Screens<'a> {
     /// this height, m. Positions in the frame of the map, m.
     pub fn towers_over(&self, camera: DVec3, foot: DVec3, height_m: f64) -> bool {
         let radius_m = tolerance_m((foot - camera).truncate().length()) + BEFORE_M;
-        let cells = (radius_m / self.cell_size_m).floor() as i64;
+        let cells = (radius_m / self.cell_size_m).floor().clamp(0.0, MOST_BESIDE) as i64;
         square(cells).filter(|(x, y)| x * x + y * y <= cells * cells).any(|(x, y)| {
             let beside = DVec3::new(x as f64, y as f64, 0.0) * self.cell_size_m;
             self.reaches(foot + beside + DVec3::Z * HIGHER * height_m)
@@ -220,11 +223,22 @@ pub(crate) mod tests {
         assert!(!is_other(1.2, 3.1), "it may be the known obstacle itself");
     }
 
-    /// A strip of ground to 10 m ahead and 2 m to each side with these heights by the distance, m, that stereo has seen.
+    #[test]
+    fn nothing_towers_over_a_foot_on_the_horizon_and_the_search_ends() {
+        let grid = wall(1.5, Source::STEREO);
+        let view = GridView::new(&grid).unwrap();
+        let screens = Screens::of(&view).unwrap();
+        for x in [1e4, 1e7, 1e12, f64::INFINITY, f64::NAN] {
+            assert!(!screens.towers_over(CAMERA, DVec3::new(x, 0.0, 0.0), 1.0), "{x}");
+        }
+    }
+
+    /// A strip of ground to 10 m ahead and behind and 2 m to each side with these heights by the distance ahead, m, that
+    /// stereo has seen.
     fn strip(height_m: impl Fn(f32) -> f32) -> Map {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(DVec2::ZERO).unwrap();
-        for (step, across) in (0..50).flat_map(|step| (-10..10).map(move |across| (step, across))) {
+        for (step, across) in (-50..50).flat_map(|step| (-10..10).map(move |across| (step, across))) {
             let x = 0.2 * f64::from(step) + 0.1;
             let index = map.grid().cell_at(DVec2::new(x, 0.2 * f64::from(across) + 0.1)).unwrap();
             map.vote(index, Source::STEREO, 0, 1, Stamp(1), VoteRule::default());

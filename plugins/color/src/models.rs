@@ -140,6 +140,15 @@ impl Models {
         self
     }
 
+    /// Scales all models to another sample budget: they are compared with histograms of that budget.
+    pub fn rescale(&mut self, samples: u32) {
+        let models = self.ground.iter_mut().chain(&mut self.background).chain(&mut self.obstacles);
+        let candidate = self.watch.iter_mut().map(|watch| &mut watch.candidate);
+        for histogram in models.map(|model| &mut model.histogram).chain(candidate) {
+            *histogram = std::mem::take(histogram).scaled(samples as f32);
+        }
+    }
+
     /// The smallest difference between a histogram and a ground model, and the index of that model; 1 and `None`
     /// without models.
     pub fn best_match(&self, histogram: &Histogram) -> (f32, Option<usize>) {

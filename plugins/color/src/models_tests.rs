@@ -164,6 +164,25 @@ fn models_to_begin_with_are_scaled_to_the_budget() {
 }
 
 #[test]
+fn with_another_budget_all_models_are_scaled_and_match_what_they_matched() {
+    let mut models = Models { obstacles: vec![model(plain(250))], ..Models::default() };
+    learn(&mut models, &plain(10));
+    models.learn_background(&plain(200), Stamp(1), &SETTINGS);
+    learn(&mut models, &plain(90));
+    models.rescale(300);
+    let all = models.ground.iter().chain(&models.background).chain(&models.obstacles);
+    assert_eq!(all.map(|model| model.histogram.sum()).collect::<Vec<_>>(), [300.0; 3]);
+    assert_eq!(models.best_match(&plain(10).scaled(300.0)), (0.0, Some(0)));
+    // What learning mode has seen becomes a model of that budget, too.
+    let settings = Settings { samples: 300, ..SETTINGS };
+    while models.ground.len() < 2 {
+        let other = mixed(10, 0.8, 120).scaled(300.0);
+        models.learn_ground(&other, || None, Stamp(1), STEP_NS, &settings);
+    }
+    assert_eq!(models.ground[1].histogram, plain(90).scaled(300.0));
+}
+
+#[test]
 fn blends_of_a_known_obstacle_and_the_ground_are_likely_whatever_the_background_is() {
     let model =
         |histogram| Model { name: String::new(), histogram, uses: 1, updated: Stamp(0), sample: None };

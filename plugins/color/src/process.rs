@@ -52,6 +52,8 @@ pub struct ColorModelLearner {
     check: ImageCheck,
     /// Time of the last image.
     last_image: Option<Stamp>,
+    /// Sample budget to which the models are scaled.
+    samples: u32,
     /// Fingerprint of the model files with which the engine started.
     loaded: u64,
     learns: bool,
@@ -133,6 +135,7 @@ impl Process for ColorModelLearner {
             rays: None,
             check: ImageCheck::default(),
             last_image: None,
+            samples: params.samples,
             loaded: files(params),
             learns: true,
             models_sent: None,
@@ -150,6 +153,10 @@ impl Process for ColorModelLearner {
                 ColorModelsCommand::LearnOn => self.learns = true,
                 ColorModelsCommand::LearnOff => self.learns = false,
             }
+        }
+        if self.samples != params.samples {
+            self.engine.models.rescale(params.samples);
+            self.samples = params.samples;
         }
         if self.loaded != files(params) {
             self.engine = initial_engine(params);

@@ -6,7 +6,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use rcs_color::ColorModelLearner;
-use rcs_color::proto::{ColorLearning, ColorModels, ColorStats};
+use rcs_color::proto::{ColorLearning, ColorModels, ColorModelsParams, ColorStats};
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, PoseInFrame, RawImage};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of, to_json};
@@ -334,6 +334,30 @@ fn the_operator_stops_learning_and_makes_it_forget() {
 }
 
 #[test]
+fn models_are_scaled_when_the_sample_budget_changes() {
+    let given = with_calibration(drive(10, 15, MULCH, 1.0, 0.0));
+    let mut session = Session::new(begin(&given, 1, &[])).unwrap();
+    let go = |session: &mut Session, at_ms: u64| {
+        session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
+        let stats: ColorStats = latest(session.run(), "/color/stats");
+        (stats.learning(), stats.ground_models)
+    };
+    assert_eq!(go(&mut session, 900), (ColorLearning::ColorUpdated, 1));
+    let mut params: ColorModelsParams = latest(session.run(), "/color/params");
+    params.samples = 1000;
+    session.write(ExternalEvent::operator("/color/params", AnyMessage::new(params))).unwrap();
+    // The ground is the same, and remains one model.
+    for at_ms in [1_100, 2_900] {
+        assert_eq!(go(&mut session, at_ms), (ColorLearning::ColorUpdated, 1), "{at_ms} ms");
+    }
+    let models: ColorModels = latest(session.run(), "/color/models");
+    for model in &models.models {
+        let sum: f32 = model.counts.iter().sum();
+        assert!((sum - 1000.0).abs() < 1.0, "{}: {sum}", model.name);
+    }
+}
+
+#[test]
 fn images_that_cannot_be_used_are_skipped_with_nothing_sent_and_the_next_one_is_used() {
     let good = |seed: u64| scene(MULCH, seed);
     let small = RawImage { width: 160, height: 120, step: 480, ..good(2) };
@@ -368,6 +392,13 @@ fn images_that_cannot_be_used_are_skipped_with_nothing_sent_and_the_next_one_is_
             Some("older than the one before"),
         ),
         ("/image", AnyMessage::new(good(7)), None),
+        // One from the future does not make the next one old.
+        (
+            "/image",
+            AnyMessage::new(RawImage { timestamp: Some(Stamp(3_600_000_000_000).to_proto()), ..good(8) }),
+            None,
+        ),
+        ("/image", AnyMessage::new(good(9)), None),
     ];
     let given: Vec<Given> = (0..)
         .zip(&steps)
