@@ -4,23 +4,25 @@
 mod bars;
 mod given;
 mod goals;
+mod inputs;
 mod led;
+mod path_memory;
 mod same_start;
 
 use self::bars::in_local;
 use self::given::Given;
 use self::goals::zones_of_files;
+use self::inputs::points;
 use crate::barred::Barred;
 use crate::children::Children;
 use crate::goal::Goal;
 use crate::goal_search::GoalSearch;
-use crate::map_reader::MapReader;
 use crate::mission::Mission;
 use crate::process::PlannerCommand;
 use crate::proto::{
     ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, SlipMemory, UtmGoal, WaypointGeneratorParams,
 };
-use crate::shortcut::{Way, WayPoint};
+use crate::shortcut::Way;
 use crate::waypoints::spaced;
 use crate::zones::{Polygon, Zones};
 use crate::{route, slips};
@@ -29,19 +31,11 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Localizer, Origin, pose_message, pose_of};
+use rcs_sense::{Localizer, Origin, pose_message};
 use serde::{Deserialize, Serialize};
 
 /// The planner of the near map is told another point of the far path when that is this far away, m.
 const LOOKAHEAD_STEP_M: f64 = 1.0;
-/// A path of the planner of the far map that came longer ago than this leads nowhere, s: that planner sends ten in this time.
-const FAR_PATH_TIMEOUT_S: f64 = 5.0;
-/// Distance between the points of the track, m, and their greatest number; then the oldest ones are dropped.
-const TRACK_STEP_M: f64 = 0.5;
-const MOST_TRACK: usize = 20_000;
-/// Time between two routes near the goal, s: at most a quarter of a metre.
-const ROUTE_PERIOD_S: f64 = 0.2;
-
 rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
     pub enum WaypointGeneratorCommand {
@@ -225,11 +219,7 @@ impl Process for WaypointGenerator {
         }
         self.take_transforms(ports, params, cx);
         let arrived = self.take_mission(ports, params, cx);
-        if let Some(odometry) = cx.read_newest(&ports.global)
-            && let Err(why) = self.take_position(&odometry, &params.global_frame, cx.now())
-        {
-            cx.fault(format!("global: {why}; skipped"));
-        }
+        self.take_global(ports, params, cx);
         self.take_way_slip(ports, params, cx);
         self.cut_way(ports, params, cx);
         self.take_far_path(ports, params, cx);
@@ -291,111 +281,6 @@ impl Process for WaypointGenerator {
 }
 
 impl WaypointGenerator {
-    /// The newest transform is used until there is another one: the frames drift slowly.
-    fn take_transforms(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        let mut at = self.global_from_local.map(|(_, at)| at);
-        while let Some(message) = cx.read(&ports.transforms) {
-            match self.frames.add_transforms(&message, false) {
-                Ok(()) => at = Some(message.acq_time()),
-                Err(error) => cx.fault(format!("transforms: {error}; skipped")),
-            }
-        }
-        let (global, local) = (&params.global_frame, &params.local_frame);
-        if let Ok(pose) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) {
-            self.global_from_local = Some((pose, at.unwrap_or(cx.now())));
-        }
-    }
-
-    /// Adds a position in the global frame to the track.
-    fn take_position(&mut self, odometry: &Odometry, global_frame: &str, now: Stamp) -> Result<(), String> {
-        if odometry.frame_id != global_frame {
-            return Err(format!("frame is {:?}, expected {global_frame:?}", odometry.frame_id));
-        }
-        self.error_m = position_error_m(odometry);
-        let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
-        let at = pose.translation.truncate();
-        self.yaw_rad = pose.yaw();
-        self.position = Some((at.x, at.y));
-        let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
-        if step_m >= TRACK_STEP_M {
-            if self.track.len() >= MOST_TRACK {
-                self.track.remove(0);
-            }
-            self.began.get_or_insert(now);
-            self.track.push((at.x, at.y));
-            if let Some((global_from_local, _)) = self.global_from_local {
-                let local = (global_from_local.inverse() * at.extend(0.0)).truncate();
-                self.way.add(WayPoint { local, global: at });
-            }
-        }
-        Ok(())
-    }
-
-    /// Cuts the way by the map, each time that the vehicle has driven some metres.
-    fn cut_way(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        let Some((global_from_local, _)) = self.global_from_local.filter(|_| self.way.is_due()) else {
-            return;
-        };
-        let Some(map) = cx.latest(&ports.map) else { return };
-        let mut reader = MapReader::default();
-        if let Err(why) = reader.read(&map, &params.local_frame) {
-            return cx.fault(format!("map: {why}; the route is not cut"));
-        }
-        let barred = in_local(self.barred.iter(), &global_from_local);
-        let to_global = |at: DVec2| (global_from_local * at.extend(0.0)).truncate();
-        self.way.cut(&reader.sensed, &barred, to_global);
-    }
-
-    /// The route of the parameters in the local frame, if it leads to the goal (global frame, m).
-    fn remembered(
-        &mut self,
-        params: &WaypointGeneratorParams,
-        goal: DVec2,
-        local_from_route: &Pose,
-    ) -> Vec<PlanPoint> {
-        self.refused_route = None;
-        let Ok(origin) = self.given.origin(params) else { return Vec::new() };
-        let Some(route) = self.given.route(params) else { return Vec::new() };
-        match route::in_global(route, &origin.0, goal, params.route_goal_m) {
-            Ok(points) => {
-                let local = points.iter().map(|point| *local_from_route * point.extend(0.0));
-                local.map(|at| PlanPoint { x_m: at.x, y_m: at.y }).collect()
-            }
-            Err(error) => {
-                self.refused_route = Some(error.to_string());
-                Vec::new()
-            }
-        }
-    }
-
-    /// Sends the route while the vehicle is near the goal (global frame, m): a run ends when the goal is reached, which this
-    /// process may not live to see.
-    fn send_route(
-        &mut self,
-        ports: &Ports,
-        params: &WaypointGeneratorParams,
-        goal: DVec2,
-        cx: &mut Cycle<'_>,
-    ) {
-        let now = cx.now();
-        let (Some(began), Some(at)) = (self.began, self.position.map(DVec2::from)) else { return };
-        let is_due = self.sent.is_none_or(|sent| now.seconds_since(sent) >= ROUTE_PERIOD_S);
-        if !is_due || goal.distance(at) > params.route_goal_m {
-            return;
-        }
-        let Ok(origin) = self.given.origin(params) else { return };
-        let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
-        let Some((global_from_local, _)) = self.global_from_local else { return };
-        let has_slipped = self.has_slipped();
-        let mut way = self.way.in_global(has_slipped, |at| (global_from_local * at.extend(0.0)).truncate());
-        way.push(at);
-        let mut way = route::cut(&way, params.same_place_m);
-        slips::leave_out(&mut way, &self.slippery);
-        let time_s = now.seconds_since(began);
-        self.sent = Some(now);
-        cx.write(&ports.route, now, route::to_message(&way, route::length_m(&track), &origin.0, time_s));
-    }
-
     /// Tells the planners the goal when it has moved in the local frame, and that of the near map what lies ahead.
     fn command(
         &mut self,
@@ -477,24 +362,6 @@ impl WaypointGenerator {
         self.told = None;
     }
 
-    /// Reads the path of the planner of the far map.
-    fn take_far_path(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        let now = cx.now();
-        let Some(path) = cx.read_newest(&ports.far_path) else {
-            if self.far_path_at.is_some_and(|at| now.seconds_since(at) > FAR_PATH_TIMEOUT_S) {
-                self.far_path.clear();
-            }
-            return;
-        };
-        match points(&path, &params.local_frame) {
-            Ok(points) => {
-                self.far_path = points.iter().map(|point| (point.x, point.y)).collect();
-                self.far_path_at = Some(now);
-            }
-            Err(why) => cx.fault(format!("far_path: {why}; skipped")),
-        }
-    }
-
     /// Why the vehicle should not drive to where the goal now is in the local frame, m.
     fn doubt(&self, local: DVec2, params: &WaypointGeneratorParams) -> Option<String> {
         let by_m = self.told.map_or(0.0, |told| local.distance(DVec2::from(told)));
@@ -531,14 +398,6 @@ fn corners(polygon: &Polygon) -> Vec<PlanPoint> {
     polygon.corners().map(|corner| PlanPoint { x_m: corner.x, y_m: corner.y }).collect()
 }
 
-/// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance; infinite where a
-/// variance is negative or no number, because then the position is not known.
-fn position_error_m(odometry: &Odometry) -> f64 {
-    let variance = |at: usize| odometry.pose_covariance.get(at).copied().unwrap_or(0.0);
-    let deviation_m = |variance: f64| if variance >= 0.0 { variance.sqrt() } else { f64::INFINITY };
-    deviation_m(variance(0)).max(deviation_m(variance(7)))
-}
-
 /// Waypoints of the newest path, as soon as it arrives.
 fn send_waypoints(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
     let Some(path) = cx.read_newest(&ports.path) else { return };
@@ -556,38 +415,9 @@ fn send_waypoints(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycl
     cx.write(&ports.waypoints, path.acq_time(), message);
 }
 
-/// The points of a path in the local frame, m.
-fn points(path: &PosesInFrame, local_frame: &str) -> Result<Vec<DVec2>, String> {
-    if path.frame_id != local_frame {
-        return Err(format!("frame is {:?}, expected {local_frame:?}", path.frame_id));
-    }
-    let poses = path.poses.iter().map(|pose| pose_of(Some(pose), &path.frame_id));
-    poses.map(|pose| Ok(pose.map_err(|error| error.to_string())?.translation.truncate())).collect()
-}
-
 /// No waypoints, so that the vehicle stands.
 fn send_none(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
     let now = cx.now();
     let (timestamp, frame_id) = (Some(now.to_proto()), params.local_frame.clone());
     cx.write(&ports.waypoints, now, PosesInFrame { timestamp, frame_id, poses: Vec::new() });
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_long_track_keeps_its_newest_points() {
-        let mut generator = WaypointGenerator::default();
-        for step in 0..=MOST_TRACK + 5 {
-            let pose = Some(pose_message(&Pose::from_xy_yaw(step as f64, 0.0, 0.0)));
-            let odometry = Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() };
-            generator.take_position(&odometry, "global", Stamp(0)).unwrap_or_default();
-        }
-        assert_eq!((generator.track.len(), generator.track[0]), (MOST_TRACK, (6.0, 0.0)));
-        assert_eq!(generator.track.last(), Some(&((MOST_TRACK + 5) as f64, 0.0)));
-        let elsewhere = Odometry { frame_id: "local".to_owned(), ..Odometry::default() };
-        let refused = generator.take_position(&elsewhere, "global", Stamp(0));
-        assert_eq!(refused, Err("frame is \"local\", expected \"global\"".to_owned()));
-    }
 }

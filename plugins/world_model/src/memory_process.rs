@@ -1,23 +1,21 @@
 //! The process `map_memory`: a world model's map of an earlier run, registered against this one, and the map to save. Its
 //! port table is in the crate's documentation.
 
-use crate::memory::{MemoryError, Rectangle, by_shape, parse, statement};
+mod output;
+
+use crate::memory::{Rectangle, by_shape, parse};
 use crate::proto::{MapMemory, MapMemoryParams};
 use crate::register::{Fit, FromParams, Placed, Remembered, Seen, at, moved_m, turned};
 use crate::saved::Kept;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
+use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry};
 use rcs_msg::rcs::{Plan, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, fingerprint_of_texts, pose_of};
-use rcs_world::{GridView, Source, UNKNOWN_COST, fuse_grid};
+use rcs_world::{GridView, fuse_grid};
 use serde::{Deserialize, Serialize};
 
-/// Frame of the remembered map: the global frame as the run that saved it knew it.
-const FRAME: &str = "remembered";
-/// Confidence of what is remembered: that of a sensor which is sure of ground.
-const CONFIDENCE: u8 = 80;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 2.0;
 const MOST_TRACK: usize = 5000;
@@ -37,9 +35,6 @@ const SAME_PLACE_M: f64 = 1.0;
 const DOUBT: f64 = 0.7;
 /// Time without a way to the goal after which the remembered map is not believed any more, s.
 const NO_WAY_S: f64 = 5.0;
-/// Time after which the costs are sent again, s: the world model may have been cleared.
-const RESEND_S: f64 = 5.0;
-
 /// State: the frames, the track, where the remembered map lies, and what was sent when.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MapMemoryKeeper {
@@ -92,6 +87,15 @@ impl Now<'_> {
     fn frame(&self) -> GridFrame {
         GridFrame::around(self.vehicle, self.map.columns(), self.map.cell_size_m().x)
     }
+}
+
+/// Where the remembered map lies by the newest map.
+struct Found {
+    placed: Option<Placed>,
+    /// How far that is from where the position estimate puts it, m: east and north.
+    away: DVec2,
+    /// Number of obstacle cells that are compared there.
+    compared: usize,
 }
 
 rcs_runtime::commands! {
@@ -308,50 +312,12 @@ impl MapMemoryKeeper {
                 return Ok(());
             }
         };
-        let (vehicle, view) = (now.vehicle, now.map);
-        let mut costs = Vec::new();
-        fuse_grid(view, &by_shape(view), &mut costs).map_err(|error| error.to_string())?;
-        let mut sensed = Rectangle::with(view, costs);
-        sensed.forget_far(view, params.near_m);
-        // A map that did not fit any more is turned as it was when it did.
-        let turned_before =
-            |placed: Placed| turned(now.global_from_local, vehicle, placed.turned_rad(now.global_from_local));
-        let start = self.placed.map(|placed| placed.global_from_local);
-        let start = start.or(self.settled.map(turned_before)).unwrap_or(*now.global_from_local);
-        // How far what is moved so lies from where the position estimate says, m: east and north.
-        let away = |moved: DVec2| now.to_global(vehicle) - at(&start, vehicle) + moved;
-        let compared = [&self.track[self.track.len().saturating_sub(COMPARED_TRACK)..], &[vehicle]].concat();
-        let seen_in_local = Seen::of(&sensed, &compared, params.near_m);
-        let seen = seen_in_local.placed(|place| at(&start, place));
-        let least = params.least_cells as usize;
-        let found = match self.placed {
-            // Where little can be compared, what was found stays.
-            Some(placed) => {
-                let middle = compared.iter().sum::<DVec2>() / compared.len() as f64;
-                let here = placed.followed(&remembered, &seen_in_local, middle, now.global_from_local, least);
-                // The fit where the position estimate puts the map is not moved.
-                let estimated = -away(DVec2::ZERO);
-                let there = remembered
-                    .register(&seen, estimated, params.search_m, WORTH, least)
-                    .filter(|there| there.support > here.fit.support + CLEARLY)
-                    .filter(|there| there.agreement >= params.least_agreement);
-                self.elsewhere = if there.is_some() { self.elsewhere + 1 } else { 0 };
-                let there = there.filter(|_| self.elsewhere >= IN_TURN);
-                if there.is_some() {
-                    self.elsewhere = 0;
-                }
-                Some(there.map_or(here, |fit| Placed { fit, ..placed }))
-            }
-            None => remembered
-                .register(&seen, -away(DVec2::ZERO), params.search_m, WORTH, least)
-                .map(|fit| Placed { global_from_local: start, fit }),
-        };
-        let is_near = |found: &Placed| away(found.fit.moved).abs().max_element() <= params.search_m;
-        let is_far = found.is_some_and(|found| !is_near(&found));
-        let found = found.filter(is_near);
+        let Found { placed, away, compared } = self.find(params, &remembered, now)?;
+        let is_far = away.abs().max_element() > params.search_m;
+        let found = placed.filter(|_| !is_far);
         let needed = params.least_agreement * if self.placed.is_some() { DOUBT } else { 1.0 };
         let fitting = found.filter(|found| found.fit.agreement >= needed);
-        let in_turn = self.in_turn(fitting, vehicle);
+        let in_turn = self.in_turn(fitting, now.vehicle);
         self.text = match found {
             Some(placed) if fitting.is_some() && in_turn < IN_TURN => {
                 let share = 100.0 * placed.fit.agreement;
@@ -360,9 +326,9 @@ impl MapMemoryKeeper {
                 )
             }
             Some(placed) if fitting.is_some() => {
-                let Fit { moved, agreement, compared, .. } = placed.fit;
+                let Fit { agreement, compared, .. } = placed.fit;
                 self.place(Some(placed));
-                let (share, moved_m) = (100.0 * agreement, away(moved).length());
+                let (share, moved_m) = (100.0 * agreement, away.length());
                 format!("remembers: moved by {moved_m:.1} m, {share:.0} % of {compared} obstacle cells agree")
             }
             Some(Placed { fit, .. }) => {
@@ -382,7 +348,7 @@ impl MapMemoryKeeper {
             }
             None => {
                 self.place(None);
-                let compared = remembered.compare(&seen, DVec2::ZERO).compared;
+                let least = params.least_cells;
                 format!(
                     "waits: {compared} obstacle cells can be compared with the remembered map, expected {least}"
                 )
@@ -395,29 +361,55 @@ impl MapMemoryKeeper {
         Ok(())
     }
 
-    /// States what a remembered map that lies here says of the ground around the vehicle, if that is due.
-    fn state_costs(
+    /// Looks where the remembered map lies: near where it lay, or around where the position estimate puts it.
+    fn find(
         &mut self,
-        ports: &Ports,
         params: &MapMemoryParams,
-        placed: Placed,
         remembered: &Remembered,
         now: &Now<'_>,
-        cx: &mut Cycle<'_>,
-    ) {
-        let frame_now = placed.local_from_remembered();
-        let is_due = self.sent.is_none_or(|(sent, before)| {
-            let by_m = moved_m(&frame_now, &before, now.vehicle);
-            cx.now().seconds_since(sent) >= RESEND_S || by_m > 0.5 * remembered.map.cell_size_m
-        });
-        if is_due {
-            let frame = now.frame();
-            let middles =
-                (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
-            let costs: Vec<u8> =
-                middles.map(|middle| remembered.map.at(placed.to_remembered(middle))).collect();
-            self.send(ports, params, &frame, &costs, frame_now, cx);
-        }
+    ) -> Result<Found, String> {
+        let (vehicle, view) = (now.vehicle, now.map);
+        let mut costs = Vec::new();
+        fuse_grid(view, &by_shape(view), &mut costs).map_err(|error| error.to_string())?;
+        let mut sensed = Rectangle::with(view, costs);
+        sensed.forget_far(view, params.near_m);
+        // A map that did not fit any more is turned as it was when it did.
+        let turned_before =
+            |placed: Placed| turned(now.global_from_local, vehicle, placed.turned_rad(now.global_from_local));
+        let start = self.placed.map(|placed| placed.global_from_local);
+        let start = start.or(self.settled.map(turned_before)).unwrap_or(*now.global_from_local);
+        // How far what is moved so lies from where the position estimate says, m: east and north.
+        let away = |moved: DVec2| now.to_global(vehicle) - at(&start, vehicle) + moved;
+        let compared = [&self.track[self.track.len().saturating_sub(COMPARED_TRACK)..], &[vehicle]].concat();
+        let seen_in_local = Seen::of(&sensed, &compared, params.near_m);
+        let seen = seen_in_local.placed(|place| at(&start, place));
+        let least = params.least_cells as usize;
+        let placed = match self.placed {
+            // Where little can be compared, what was found stays.
+            Some(placed) => {
+                let middle = compared.iter().sum::<DVec2>() / compared.len() as f64;
+                let here = placed.followed(remembered, &seen_in_local, middle, now.global_from_local, least);
+                // The fit where the position estimate puts the map is not moved.
+                let estimated = -away(DVec2::ZERO);
+                let there = remembered
+                    .register(&seen, estimated, params.search_m, WORTH, least)
+                    .filter(|there| there.support > here.fit.support + CLEARLY)
+                    .filter(|there| there.agreement >= params.least_agreement);
+                self.elsewhere = if there.is_some() { self.elsewhere + 1 } else { 0 };
+                let there = there.filter(|_| self.elsewhere >= IN_TURN);
+                if there.is_some() {
+                    self.elsewhere = 0;
+                }
+                Some(there.map_or(here, |fit| Placed { fit, ..placed }))
+            }
+            None => remembered
+                .register(&seen, -away(DVec2::ZERO), params.search_m, WORTH, least)
+                .map(|fit| Placed { global_from_local: start, fit }),
+        };
+        let away = placed.map_or(DVec2::ZERO, |placed| away(placed.fit.moved));
+        let compared = placed
+            .map_or_else(|| remembered.compare(&seen, DVec2::ZERO).compared, |placed| placed.fit.compared);
+        Ok(Found { placed, away, compared })
     }
 
     /// For how many messages in turn the remembered map has fitted in the same place.
@@ -434,90 +426,6 @@ impl MapMemoryKeeper {
             _ => (placed, 1),
         });
         self.proposed.map_or(0, |(_, times)| times)
-    }
-
-    /// The frame of the remembered map in the local one; no transform while it is not believed.
-    fn registration(&self, params: &MapMemoryParams, now: Stamp) -> FrameTransforms {
-        let transform = |placed: Placed| {
-            let Pose { translation: shift, rotation: q } = placed.local_from_remembered();
-            FrameTransform {
-                timestamp: Some(now.to_proto()),
-                parent_frame_id: params.local_frame.clone(),
-                child_frame_id: FRAME.to_owned(),
-                translation: Some(Vector3 { x: shift.x, y: shift.y, z: shift.z }),
-                rotation: Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),
-            }
-        };
-        FrameTransforms { transforms: self.placed.map(transform).into_iter().collect() }
-    }
-
-    /// Takes back what was stated.
-    fn withdraw(&mut self, ports: &Ports, params: &MapMemoryParams, now: &Now<'_>, cx: &mut Cycle<'_>) {
-        self.place(None);
-        if self.sent.is_some() {
-            let frame = now.frame();
-            let unknown = vec![UNKNOWN_COST; frame.side * frame.side];
-            self.send(ports, params, &frame, &unknown, Pose::IDENTITY, cx);
-            self.sent = None;
-        }
-    }
-
-    fn send(
-        &mut self,
-        ports: &Ports,
-        params: &MapMemoryParams,
-        frame: &GridFrame,
-        costs: &[u8],
-        local_from_remembered: Pose,
-        cx: &mut Cycle<'_>,
-    ) {
-        let now = cx.now();
-        self.sent = Some((now, local_from_remembered));
-        let message = statement(frame, costs, CONFIDENCE, Source::MEMORY, &params.local_frame, now);
-        cx.write(&ports.cost, now, message);
-    }
-
-    /// Sends the map to save if it is told to, or if it is time. What could not be saved is still asked for.
-    fn save(
-        &mut self,
-        ports: &Ports,
-        params: &MapMemoryParams,
-        origin: &Origin,
-        seen: &Now<'_>,
-        cx: &mut Cycle<'_>,
-    ) {
-        let now = cx.now();
-        let is_due = self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s);
-        if !(self.asked || is_due) {
-            return;
-        }
-        // What was near, but behind a wall, was only seen from far.
-        let sensed = match Rectangle::sensed_from_near(seen.map, params.near_m) {
-            Ok(sensed) => sensed,
-            Err(error) => return cx.fault(format!("map: {error}; not saved")),
-        };
-        self.saved = Some(now);
-        match self.gather(params, &sensed, seen) {
-            Ok(Some(saved)) => {
-                (self.asked, self.unsaved) = (false, None);
-                cx.write(&ports.memory, now, saved.to_memory(&origin.0));
-            }
-            Ok(None) => {}
-            Err(error) => self.unsaved = Some(error.to_string()),
-        }
-    }
-
-    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
-    fn gather(
-        &mut self,
-        params: &MapMemoryParams,
-        sensed: &Rectangle,
-        now: &Now<'_>,
-    ) -> Result<Option<Rectangle>, MemoryError> {
-        self.kept.take(sensed, &self.track, params.near_m)?;
-        let old = self.remembered.map.as_ref().and_then(|map| map.as_ref().ok());
-        let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
-        self.kept.saved(old, now.global_from_local)
     }
 }
 

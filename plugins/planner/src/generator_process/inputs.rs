@@ -1,0 +1,139 @@
+//! What the waypoint generator reads each cycle: the frames, its position, and the path of the planner of the far map.
+
+use super::{Ports, WaypointGenerator};
+use crate::proto::WaypointGeneratorParams;
+use crate::shortcut::WayPoint;
+use rcs_geom::DVec2;
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{Odometry, PosesInFrame};
+use rcs_runtime::Cycle;
+use rcs_sense::pose_of;
+
+/// A path of the planner of the far map that came longer ago than this leads nowhere, s: that planner sends ten in this time.
+const FAR_PATH_TIMEOUT_S: f64 = 5.0;
+/// Distance between the points of the track, m, and their greatest number; then the oldest ones are dropped.
+const TRACK_STEP_M: f64 = 0.5;
+const MOST_TRACK: usize = 20_000;
+
+impl WaypointGenerator {
+    /// The newest transform is used until there is another one: the frames drift slowly.
+    pub(super) fn take_transforms(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let mut at = self.global_from_local.map(|(_, at)| at);
+        while let Some(message) = cx.read(&ports.transforms) {
+            match self.frames.add_transforms(&message, false) {
+                Ok(()) => at = Some(message.acq_time()),
+                Err(error) => cx.fault(format!("transforms: {error}; skipped")),
+            }
+        }
+        let (global, local) = (&params.global_frame, &params.local_frame);
+        if let Ok(pose) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) {
+            self.global_from_local = Some((pose, at.unwrap_or(cx.now())));
+        }
+    }
+
+    /// Reads the newest position in the global frame.
+    pub(super) fn take_global(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        if let Some(odometry) = cx.read_newest(&ports.global)
+            && let Err(why) = self.take_position(&odometry, &params.global_frame, cx.now())
+        {
+            cx.fault(format!("global: {why}; skipped"));
+        }
+    }
+
+    /// Adds a position in the global frame to the track.
+    fn take_position(&mut self, odometry: &Odometry, global_frame: &str, now: Stamp) -> Result<(), String> {
+        if odometry.frame_id != global_frame {
+            return Err(format!("frame is {:?}, expected {global_frame:?}", odometry.frame_id));
+        }
+        self.error_m = position_error_m(odometry);
+        let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
+        let at = pose.translation.truncate();
+        self.yaw_rad = pose.yaw();
+        self.position = Some((at.x, at.y));
+        let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
+        if step_m >= TRACK_STEP_M {
+            if self.track.len() >= MOST_TRACK {
+                self.track.remove(0);
+            }
+            self.began.get_or_insert(now);
+            self.track.push((at.x, at.y));
+            if let Some((global_from_local, _)) = self.global_from_local {
+                let local = (global_from_local.inverse() * at.extend(0.0)).truncate();
+                self.way.add(WayPoint { local, global: at });
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the path of the planner of the far map.
+    pub(super) fn take_far_path(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let now = cx.now();
+        let Some(path) = cx.read_newest(&ports.far_path) else {
+            if self.far_path_at.is_some_and(|at| now.seconds_since(at) > FAR_PATH_TIMEOUT_S) {
+                self.far_path.clear();
+            }
+            return;
+        };
+        match points(&path, &params.local_frame) {
+            Ok(points) => {
+                self.far_path = points.iter().map(|point| (point.x, point.y)).collect();
+                self.far_path_at = Some(now);
+            }
+            Err(why) => cx.fault(format!("far_path: {why}; skipped")),
+        }
+    }
+}
+
+/// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance; infinite where a
+/// variance is negative or no number, because then the position is not known.
+fn position_error_m(odometry: &Odometry) -> f64 {
+    let variance = |at: usize| odometry.pose_covariance.get(at).copied().unwrap_or(0.0);
+    let deviation_m = |variance: f64| if variance >= 0.0 { variance.sqrt() } else { f64::INFINITY };
+    deviation_m(variance(0)).max(deviation_m(variance(7)))
+}
+
+/// The points of a path in the local frame, m.
+pub(super) fn points(path: &PosesInFrame, local_frame: &str) -> Result<Vec<DVec2>, String> {
+    if path.frame_id != local_frame {
+        return Err(format!("frame is {:?}, expected {local_frame:?}", path.frame_id));
+    }
+    let poses = path.poses.iter().map(|pose| pose_of(Some(pose), &path.frame_id));
+    poses.map(|pose| Ok(pose.map_err(|error| error.to_string())?.translation.truncate())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_geom::Pose;
+    use rcs_sense::pose_message;
+
+    #[test]
+    fn a_long_track_keeps_its_newest_points() {
+        let mut generator = WaypointGenerator::default();
+        for step in 0..=MOST_TRACK + 5 {
+            let pose = Some(pose_message(&Pose::from_xy_yaw(step as f64, 0.0, 0.0)));
+            let odometry = Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() };
+            generator.take_position(&odometry, "global", Stamp(0)).unwrap_or_default();
+        }
+        assert_eq!((generator.track.len(), generator.track[0]), (MOST_TRACK, (6.0, 0.0)));
+        assert_eq!(generator.track.last(), Some(&((MOST_TRACK + 5) as f64, 0.0)));
+        let elsewhere = Odometry { frame_id: "local".to_owned(), ..Odometry::default() };
+        let refused = generator.take_position(&elsewhere, "global", Stamp(0));
+        assert_eq!(refused, Err("frame is \"local\", expected \"global\"".to_owned()));
+    }
+}
