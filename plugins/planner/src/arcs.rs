@@ -6,7 +6,8 @@
 //!
 //! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
 //! until its length, or until the vehicle's middle gets into a blocked cell; in a tight bend, in which it swings out by more
-//! than a quarter of a cell, its tail, too. Along a turn on the spot the tail swings until the vehicle faces the target.
+//! than a quarter of a cell, its tail, too. Backward, it is followed until the tail does; in a bend, until a cell beside the
+//! tail is blocked. Along a turn on the spot the tail swings until the vehicle faces the target.
 //! The score of an arc is a sum of terms, and the lowest one wins:
 //!
 //! | term | what |
@@ -273,7 +274,16 @@ impl Scene<'_> {
         let is_tight = arc.motion == Motion::Forward
             && swing_m(arc.curvature_per_m, rules.tail_m) > 0.25 * self.sensed.cell_size_m;
         let follows = !is_tight || !is_out;
-        let swings_in = |pose| !follows && self.cost(tail(pose, rules)) == BLOCKED;
+        // A bend back leads the tail over ground that was not driven over and is not seen: a cell beside it is kept free,
+        // for an obstacle can be a cell larger than in the map.
+        let leads = arc.motion == Motion::Backward && arc.curvature_per_m != 0.0;
+        let swings_in = |pose| {
+            if leads {
+                self.is_beside_tail(pose, rules)
+            } else {
+                !follows && self.cost(tail(pose, rules)) == BLOCKED
+            }
+        };
         let mut tail_is_out = !swings_in(start);
         for sample in 1..=samples {
             let along_m = length_m.min(f64::from(sample) * SAMPLE_M);
@@ -289,6 +299,13 @@ impl Scene<'_> {
             sum += f64::from(cost.min(MAX_COST)) / f64::from(MAX_COST);
         }
         if is_out { (length_m, sum / f64::from(samples)) } else { (0.0, 1.0) }
+    }
+
+    /// Whether the tail would be blocked a cell to one of its sides.
+    fn is_beside_tail(&self, pose: (DVec2, f64), rules: &Rules) -> bool {
+        let aside = DVec2::new(-libm::sin(pose.1), libm::cos(pose.1)) * self.sensed.cell_size_m;
+        let middle = tail(pose, rules);
+        [middle + aside, middle - aside].into_iter().any(|side| self.cost(side) == BLOCKED)
     }
 
     /// Share of a turn to the target by which the tail can swing, 0 if that is not even what is looked ahead; and the mean

@@ -138,6 +138,22 @@ fn driving_back_it_keeps_its_tail_free() {
 }
 
 #[test]
+fn in_a_bend_back_it_keeps_a_cell_beside_its_tail_free_and_may_bend_away_from_a_wall() {
+    let back = |curvature_per_m: f64| Arc { motion: Motion::Backward, curvature_per_m };
+    // A wall on its left begins 0.2 m behind the tail. Backward, a curvature to the left leads the tail to the left.
+    let free_m = |wall_m: f64, curvature_per_m: f64| {
+        scored(|at| if at.x < -0.7 && at.y > wall_m { BLOCKED } else { 10 }, back(curvature_per_m)).free_m
+    };
+    assert_eq!(free_m(0.1, 0.0), 1.0, "straight, it follows the ground that it came over");
+    assert_eq!(free_m(1.2, 0.75), 1.0, "the wall is far away");
+    assert!(free_m(0.3, 0.75) < 0.5, "{}", free_m(0.3, 0.75));
+    assert!(free_m(0.1, -0.75) < 0.5, "{}", free_m(0.1, -0.75));
+    // Beside a wall that begins before the tail, it bends away.
+    let beside = scored(|at| if at.y > 0.1 { BLOCKED } else { 10 }, back(-0.75));
+    assert!(beside.open, "{beside:?}");
+}
+
+#[test]
 fn in_a_bend_it_keeps_its_tail_free_and_one_that_is_in_a_wall_can_be_driven_out() {
     // A wall on its right, which its tail swings towards in a bend to the left.
     let free_m = |wall_m: f64, curvature_per_m: f64| {
