@@ -78,7 +78,7 @@ impl UtmPosition {
     pub fn in_world(&self, origin: &Utm) -> Result<DVec2, WrongZone> {
         match self.zone {
             Some(got) if got != origin.zone => Err(WrongZone { got, expected: origin.zone }),
-            _ => Ok(DVec2::new(self.easting_m - origin.easting_m, self.northing_m - origin.northing_m)),
+            _ => Ok(origin.offset_to(self.easting_m, self.northing_m)),
         }
     }
 }

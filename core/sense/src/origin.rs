@@ -40,7 +40,7 @@ impl Origin {
     /// Position relative to the origin: east, north, up, m.
     pub fn global_from_geodetic(&self, place: &Geodetic) -> Result<DVec3, GeodesyError> {
         let utm = Utm::from_geodetic_in_zone(place, self.0.zone, self.0.north)?;
-        Ok(DVec3::new(utm.easting_m - self.0.easting_m, utm.northing_m - self.0.northing_m, place.altitude_m))
+        Ok(self.0.offset_to(utm.easting_m, utm.northing_m).extend(place.altitude_m))
     }
 }
 

@@ -86,7 +86,7 @@ impl Goal {
     pub fn in_global(&self, origin: &Utm) -> Result<DVec2, GoalError> {
         match self.zone {
             Some(got) if got != origin.zone => Err(GoalError::Zone { got, expected: origin.zone }),
-            _ => Ok(DVec2::new(self.easting_m - origin.easting_m, self.northing_m - origin.northing_m)),
+            _ => Ok(origin.offset_to(self.easting_m, self.northing_m)),
         }
     }
 }

@@ -89,7 +89,7 @@ pub fn registered(message: &FrameTransforms, local_frame: &str) -> Option<Pose> 
 /// Where the run began that drove the route, in the global frame with this origin as that run knew it, m.
 pub fn start(route: &Route, origin: &Utm) -> Option<DVec2> {
     let point = route.points.first().filter(|_| route.zone == u32::from(origin.zone))?;
-    Some(DVec2::new(point.easting_m - origin.easting_m, point.northing_m - origin.northing_m))
+    Some(origin.offset_to(point.easting_m, point.northing_m))
 }
 
 /// Where the goal of a run that drove this route was, in the frame of the points, m; `None` for a route without a length.

@@ -81,7 +81,7 @@ pub fn in_global(slips: &SlipMemory, origin: &Utm) -> Result<Vec<Barred>, SlipsE
         return Err(SlipsError::Zone { got: slips.zone, expected: origin.zone });
     }
     let global = |place: &SlipPlace| {
-        let at = (place.easting_m - origin.easting_m, place.northing_m - origin.northing_m);
+        let at = origin.offset_to(place.easting_m, place.northing_m).into();
         Barred { at, radius_m: place.radius_m, slipped: true }
     };
     Ok(slips.places.iter().map(global).collect())

@@ -129,7 +129,7 @@ impl Rectangle {
         if map.zone != u32::from(origin.zone) {
             return Err(MemoryError::Zone { got: map.zone, expected: origin.zone });
         }
-        let corner = DVec2::new(map.easting_m - origin.easting_m, map.northing_m - origin.northing_m);
+        let corner = origin.offset_to(map.easting_m, map.northing_m);
         let (cell_size_m, columns) = (map.cell_size_m, map.columns as usize);
         Ok(Rectangle { corner, cell_size_m, columns, costs: map.costs.to_vec() })
     }

@@ -3,6 +3,7 @@
 //! Coefficients and method: Karney, "Transverse Mercator with an accuracy of a few nanometers" (2011), equations 7 to
 //! 36; the series is good to 5 nm in a UTM zone.
 
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::{FLATTENING, GeodesyError, Geodetic, SEMI_MAJOR_AXIS_M};
@@ -62,6 +63,11 @@ impl Utm {
         let (x, y) = project(latitude_deg.to_radians(), longitude_deg.to_radians());
         let false_northing = if north { 0.0 } else { FALSE_NORTHING_M };
         Ok(Utm { zone, north, easting_m: x + FALSE_EASTING_M, northing_m: y + false_northing })
+    }
+
+    /// Where coordinates of the same zone and hemisphere lie from here: east and north, m.
+    pub fn offset_to(&self, easting_m: f64, northing_m: f64) -> DVec2 {
+        DVec2::new(easting_m - self.easting_m, northing_m - self.northing_m)
     }
 
     /// The geodetic position, at height 0.
