@@ -4,7 +4,7 @@ use crate::conversion::{COMPRESSED, RAW, canonical};
 use crate::error::RunError;
 use crate::history::LogRef;
 use crate::machine::Machine;
-use rcs_bus::{Draft, Writer, WriterId};
+use rcs_bus::{Draft, Header, Writer, WriterId};
 use rcs_log::{Cursor, CursorOptions, Gap, Log, LogMessage, Position, Reassembly, TopicId};
 use rcs_msg::foxglove::CompressedImage;
 use rcs_msg::{AnyMessage, Stamp, header_stamp};
@@ -31,6 +31,9 @@ pub(crate) struct Feed {
     /// The last message that was fed.
     given: Option<LogRef>,
 }
+
+/// A message may be farther ahead of the log's clock than the one before it by this much, s.
+const MOST_AHEAD_S: f64 = 1.0;
 
 /// A message that could not be fed into the stack.
 pub(crate) struct FeedFault {
@@ -85,7 +88,7 @@ impl Feed {
     /// Feeds the messages that are valid for the whole log.
     pub(crate) fn give_fixed(&mut self, at: Stamp) -> Vec<FeedFault> {
         let fixed = std::mem::take(&mut self.fixed);
-        fixed.iter().filter_map(|message| self.give(message, at).err()).collect()
+        fixed.iter().filter_map(|message| self.give(message, at, true).err()).collect()
     }
 
     /// Log time of the next message.
@@ -108,10 +111,10 @@ impl Feed {
         {
             return Err(FeedFault { time: message.log_time, text: error.to_string() });
         }
-        self.give(&message, message.log_time)
+        self.give(&message, message.log_time, false)
     }
 
-    fn give(&mut self, message: &LogMessage, at: Stamp) -> Result<(), FeedFault> {
+    fn give(&mut self, message: &LogMessage, at: Stamp, is_fixed: bool) -> Result<(), FeedFault> {
         let fault = |text: String| FeedFault { time: at, text };
         let Some(topic) = self.log.info().topic(message.topic) else { return Ok(()) };
         let mut id = message.topic;
@@ -136,6 +139,9 @@ impl Feed {
             .filter(|stamp| stamp.0 != 0)
             .unwrap_or(if message.publish_time.0 == 0 { message.log_time } else { message.publish_time });
         for (writer, decoded) in self.writers.get(&id).into_iter().flatten() {
+            let before = writer.buffer().latest().filter(|_| !is_fixed);
+            check_time(before.map(|sample| sample.header), acq_time, at)
+                .map_err(|why| fault(format!("{}: {why}; skipped", topic.name)))?;
             let message = match message_out.get::<CompressedImage>().filter(|_| *decoded) {
                 Some(image) => AnyMessage::new(
                     rcs_msg::image::decompress(image)
@@ -171,4 +177,20 @@ impl Feed {
         self.pending = None;
         self.is_behind = true;
     }
+}
+
+/// Refuses a message whose time lies farther ahead of the log's clock than that of the one before it. Taken for the
+/// newest, it would look fresh, and all after it old, until the clock is there. A sensor whose clock is ahead of the log's
+/// from the first message on is no fault.
+fn check_time(before: Option<Header>, acq_time: Stamp, at: Stamp) -> Result<(), String> {
+    let Some(before) = before else { return Ok(()) };
+    let usual_s = before.acq_time.seconds_since(before.log_time).max(0.0);
+    let ahead_s = acq_time.seconds_since(at);
+    if ahead_s <= usual_s + MOST_AHEAD_S {
+        return Ok(());
+    }
+    Err(format!(
+        "message at {at} has a time {ahead_s:.3} s ahead of that, expected at most {:.3} s",
+        usual_s + MOST_AHEAD_S
+    ))
 }

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{PAIR, PLUGINS, newest, plan, seconds, stepped, write_log};
+use common::{PAIR, PLUGINS, newest, plan, seconds, stepped, write_log, write_published};
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
@@ -79,12 +79,8 @@ fn output_becomes_visible_after_its_latency() {
     assert_eq!((sample.header.log_time, sample.header.acq_time), (seconds(0.003), Stamp(0)));
 }
 
-#[test]
-fn at_one_instant_the_log_comes_in_file_order_before_any_cycle() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("log.mcap");
-    write_log(&path, &[(0.0, "/a", 1.0), (0.02, "/a", 2.0), (0.02, "/a", 3.0), (0.03, "/a", 4.0)]);
-    let stack = r#"
+/// Adds what a log has on `/a`.
+const ON_LOG: &str = r#"
 format = 1
 name = "on_log"
 [[input]]
@@ -98,8 +94,38 @@ inputs = { input = "/in" }
 [buffers."/in"]
 queue = 8
 "#;
+
+#[test]
+fn a_message_whose_time_leaps_ahead_of_the_clock_is_refused_and_a_clock_that_is_ahead_is_not() {
+    let given = |ahead_s: [f64; 4]| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        let times = [10.0, 10.01, 10.02, 10.03];
+        let messages: Vec<_> =
+            std::iter::zip(times, ahead_s).map(|(time_s, by_s)| (time_s, time_s + by_s, "/a", 1.0)).collect();
+        write_published(&path, &messages);
+        let log = Log::open(&path).unwrap();
+        let mut run = Stepped::new(plan(ON_LOG).unwrap(), Some(&log), RunOptions::default()).unwrap();
+        run.begin().unwrap();
+        run.run_until(seconds(10.05)).unwrap();
+        let told = run.bus().get("/runtime/log").unwrap().latest();
+        let told = told.map(|sample| sample.message.to::<foxglove::Log>().unwrap().message);
+        (newest::<foxglove::Vector3>(&run, "/adder/sum").y, told)
+    };
+    assert_eq!(given([0.0, 0.9, -5.0, 0.0]), (4.0, None));
+    assert_eq!(given([18.0; 4]), (4.0, None), "a clock that differs from the log's");
+    let refused =
+        "/a: message at 10.010 s has a time 3600.000 s ahead of that, expected at most 1.000 s; skipped";
+    assert_eq!(given([0.0, 3600.0, 0.0, 0.0]), (3.0, Some(refused.to_owned())));
+}
+
+#[test]
+fn at_one_instant_the_log_comes_in_file_order_before_any_cycle() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write_log(&path, &[(0.0, "/a", 1.0), (0.02, "/a", 2.0), (0.02, "/a", 3.0), (0.03, "/a", 4.0)]);
     let log = Log::open(&path).unwrap();
-    let mut run = Stepped::new(plan(stack).unwrap(), Some(&log), RunOptions::default()).unwrap();
+    let mut run = Stepped::new(plan(ON_LOG).unwrap(), Some(&log), RunOptions::default()).unwrap();
     run.begin().unwrap();
     run.run_until(seconds(0.02)).unwrap();
     let sum: foxglove::Vector3 = newest(&run, "/adder/sum");

@@ -192,14 +192,20 @@ pub fn newest<T: Payload>(run: &Stepped, buffer: &str) -> T {
 
 /// A log of vectors: `(seconds, topic, x)`, in the given order.
 pub fn write_log(path: &Path, messages: &[(f64, &str, f64)]) {
+    let published: Vec<_> = messages.iter().map(|&(time_s, topic, x)| (time_s, time_s, topic, x)).collect();
+    write_published(path, &published);
+}
+
+/// The same with the times of publication: `(seconds, seconds of publication, topic, x)`.
+pub fn write_published(path: &Path, messages: &[(f64, f64, &str, f64)]) {
     let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
     let mut channels = BTreeMap::new();
-    for (index, &(time_s, topic, x)) in messages.iter().enumerate() {
+    for (index, &(time_s, published_s, topic, x)) in messages.iter().enumerate() {
         let channel = *channels.entry(topic).or_insert_with(|| {
             writer.add_channel(topic, schema_of::<foxglove::Vector3>(), &BTreeMap::new()).unwrap()
         });
-        let time = seconds(time_s);
-        let header = WriteHeader { sequence: index as u32 + 1, log_time: time, publish_time: time };
+        let (log_time, publish_time) = (seconds(time_s), seconds(published_s));
+        let header = WriteHeader { sequence: index as u32 + 1, log_time, publish_time };
         let message = AnyMessage::new(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
         writer.write(channel, header, &message.bytes()).unwrap();
     }
