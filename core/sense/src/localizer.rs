@@ -27,6 +27,14 @@ pub enum LocalizerError {
     /// The numbers are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
+    /// It is farther from the origin of its frame than any vehicle gets.
+    #[error("pose of {frame:?} is {far_m:e} m from the origin, expected at most {FARTHEST_M:e} m")]
+    Far {
+        /// Frame of the message.
+        frame: String,
+        /// Distance, m.
+        far_m: f64,
+    },
     /// The frames are not connected.
     #[error(transparent)]
     Transform(#[from] TransformError),
@@ -46,6 +54,8 @@ pub enum LocalizerError {
 const STREAM: &str = "(pose stream)";
 /// Poses older than this are forgotten.
 const HISTORY_NS: u64 = 10_000_000_000;
+/// A pose is at most this far from the origin of its frame, m: more than the circumference of the earth.
+const FARTHEST_M: f64 = 5e7;
 
 /// Keeps the poses of the vehicle over the last seconds, and looks them up by time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -163,7 +173,12 @@ fn parts(
     let (Some(t), Some(q)) = (translation, rotation) else {
         return Err(LocalizerError::Missing { frame: frame.to_owned() });
     };
-    Ok(Pose::from_parts([t.x, t.y, t.z], [q.x, q.y, q.z, q.w])?)
+    let pose = Pose::from_parts([t.x, t.y, t.z], [q.x, q.y, q.z, q.w])?;
+    let far_m = pose.translation.length();
+    if far_m > FARTHEST_M {
+        return Err(LocalizerError::Far { frame: frame.to_owned(), far_m });
+    }
+    Ok(pose)
 }
 
 #[cfg(test)]
@@ -189,6 +204,16 @@ mod tests {
             ..Default::default()
         };
         foxglove::FrameTransforms { transforms: vec![transform] }
+    }
+
+    #[test]
+    fn a_pose_farther_away_than_any_vehicle_gets_is_refused() {
+        let mut localizer = Localizer::default();
+        // UTM coordinates are not.
+        localizer.add_pose(&pose_at(1e7, "map"), Stamp(1)).unwrap();
+        let refused = localizer.add_pose(&pose_at(-1e9, "map"), Stamp(2)).unwrap_err();
+        assert_eq!(refused.to_string(), "pose of \"map\" is 1e9 m from the origin, expected at most 5e7 m");
+        assert!(localizer.add_pose(&pose_at(f64::MAX, "map"), Stamp(3)).is_err());
     }
 
     #[test]

@@ -106,6 +106,11 @@ impl GlobalEstimate {
         [self.lift_m, self.lift_variance]
     }
 
+    /// Time of the last fix, accepted or not.
+    pub fn last_fix(&self) -> Option<Stamp> {
+        Some(self.last_fix?.time)
+    }
+
     /// Time since the last accepted fix, s.
     pub fn age_s(&self, now: Stamp) -> Option<f64> {
         Some(now.seconds_since(self.last_used?))
@@ -173,7 +178,7 @@ impl GlobalEstimate {
             }
         }
         let surprise = planar.surprise(&fix);
-        if surprise > settings.gate {
+        if surprise.is_nan() || surprise > settings.gate {
             if self.chain < settings.reset_after {
                 return Verdict::Refused { surprise };
             }

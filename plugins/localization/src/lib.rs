@@ -71,8 +71,8 @@
 //! encoders and inertial sensors alone, and "drifts even more if the wheels slip"; here images count while they do. The gate
 //! is that of Wellington 2005, A.2: a likelihood ratio by the normalised error.
 //!
-//! Unusable readings (not finite, older than the previous one, wheel distances that jump, a position outside of UTM, an
-//! outlier) are faults and are skipped.
+//! Unusable readings (not finite or absurd, older than the previous one, wheel distances that jump, a position outside of
+//! UTM, an outlier, a fix that is repeated or older than `gps_dropout_s`) are faults and are skipped.
 //!
 //! # Example
 //!

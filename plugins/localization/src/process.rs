@@ -16,7 +16,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{self, GroundSpeed, Imu, SlipReport, VisualMotion, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Origin, pose_message, pose_of};
+use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.
@@ -27,6 +27,8 @@ const SLIPS: f64 = 0.3;
 const SLIPS_A_LITTLE: f64 = 0.2;
 /// A report of slip counts for this time, s.
 const SLIP_TIMEOUT_S: f64 = 0.25;
+/// Largest variance of a fix that says anything, m². Some receivers state the largest number for an unknown one.
+const WIDEST_M2: f64 = 1e8;
 /// Time between two global estimates that are sent, ns.
 const GLOBAL_PERIOD_NS: u64 = 100_000_000;
 /// Stated variance of roll and pitch: that of the filter on rough ground, rad².
@@ -179,7 +181,7 @@ impl Process for Localization {
             }
         }
         while let Some(fix) = cx.read(&ports.gps) {
-            if let Err(error) = self.fix(&fix, params) {
+            if let Err(error) = self.fix(&fix, params, cx.now()) {
                 cx.fault(format!("{error}; fix skipped"));
             }
         }
@@ -207,8 +209,11 @@ impl Localization {
     fn feel(&mut self, imu: &Msg<Imu>, params: &LocalizationParams) -> Result<(), String> {
         let gyro = vector(imu.angular_velocity.as_ref()).ok_or("no turn rates")?;
         let force = vector(imu.linear_acceleration.as_ref()).ok_or("no accelerations")?;
-        if !gyro.is_finite() || !force.is_finite() {
-            return Err(format!("turn rates {gyro} and accelerations {force}, expected finite ones"));
+        // Also where they are no numbers.
+        if !(gyro.length() <= FASTEST_RADPS && force.length() <= HARDEST_MPS2) {
+            return Err(format!(
+                "turn rates {gyro} rad/s and accelerations {force} m/s², expected at most {FASTEST_RADPS} and {HARDEST_MPS2}"
+            ));
         }
         let time = imu.acq_time();
         let slips = self.slipping_mps(time).is_some();
@@ -359,8 +364,17 @@ impl Localization {
         Ok(if self.grip.is_known(time) { seen } else { by_fixes })
     }
 
-    fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams) -> Result<(), String> {
+    fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams, now: Stamp) -> Result<(), String> {
         let Some(attitude) = &self.attitude else { return Ok(()) };
+        // A fix is compared with where the vehicle is now.
+        let (time, age_s) = (fix.acq_time(), now.seconds_since(fix.acq_time()));
+        if age_s > params.gps_dropout_s {
+            let limit_s = params.gps_dropout_s;
+            return Err(format!("position fix is {age_s:.1} s old, expected at most {limit_s} s"));
+        }
+        if self.global.last_fix().is_some_and(|before| before >= time) {
+            return Err("position fix is not newer than the one before".to_owned());
+        }
         let place =
             Geodetic::new(fix.latitude, fix.longitude, fix.altitude).map_err(|error| error.to_string())?;
         let origin = match self.origin {
@@ -373,8 +387,8 @@ impl Localization {
         let known = fix.position_covariance_type() != location_fix::PositionCovarianceType::Unknown;
         let default = params.gps_noise_m * params.gps_noise_m;
         let variance_of = |index: usize, default: f64| match stated(index).filter(|_| known) {
-            Some(variance) if variance.is_finite() && variance >= 0.0 => Ok(variance.max(0.01 * default)),
-            Some(variance) => Err(format!("variance is {variance} m², expected at least 0")),
+            Some(variance) if (0.0..=WIDEST_M2).contains(&variance) => Ok(variance.max(0.01 * default)),
+            Some(variance) => Err(format!("variance is {variance} m², expected 0 to {WIDEST_M2}")),
             None => Ok(default),
         };
         let variance = 0.5 * (variance_of(0, default)? + variance_of(4, default)?);
@@ -387,8 +401,7 @@ impl Localization {
             correlation_s: params.gps_correlation_s,
             reset_after: params.gps_reset_after,
         };
-        let fixed =
-            Fixed { time: fix.acq_time(), at: p.truncate(), height_m: p.z, variance, height_variance };
+        let fixed = Fixed { time, at: p.truncate(), height_m: p.z, variance, height_variance };
         match self.global.take(&settings, fixed, level.truncate(), self.height_m + level.z) {
             Verdict::Refused { surprise } => Err(format!(
                 "position fix is an outlier: squared error {surprise:.1}, expected at most {}",
@@ -426,7 +439,7 @@ impl Localization {
             covariance_of(local, height_variance),
         );
         cx.write(&ports.local, time, message);
-        let due = self.sent_global.is_none_or(|sent| time.0 >= sent.0 + GLOBAL_PERIOD_NS);
+        let due = self.sent_global.is_none_or(|sent| time >= sent.after_ns(GLOBAL_PERIOD_NS));
         let (Some(global), true) = (self.global.planar(), due) else { return };
         self.sent_global = Some(time);
         // Both estimates share roll and pitch, so the transform between their frames rotates about the vertical only.

@@ -12,12 +12,16 @@ use rcs_msg::rcs::{
     WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, Localizer, PosePorts, SLIPPERY, pose_of};
+use rcs_sense::{
+    Axes, Extrinsics, FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2, Localizer, PosePorts, SLIPPERY, pose_of,
+};
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
 
 /// Period of slip reports, ns.
 const REPORT_NS: u64 = 100_000_000;
+/// Readings of encoders and motors count for this time, s.
+const COUNTS_S: f64 = 0.5;
 
 /// State: the poses of the last seconds, the last bumper reading, and the traction estimate.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -26,8 +30,9 @@ pub struct Proximity {
     traction: Traction,
     /// Switches of the last bumper map, and its time.
     bumper: Option<([bool; 2], Stamp)>,
-    /// Whether encoder readings have arrived; before that no slip report is sent.
-    has_encoders: bool,
+    /// When encoders and motors were read last. No slip report is sent before the first encoder reading.
+    encoders_at: Option<Stamp>,
+    motors_at: Option<Stamp>,
     reported: Option<Stamp>,
 }
 
@@ -117,7 +122,16 @@ impl Process for Proximity {
         while let Some(imu) = cx.read(&ports.imu) {
             self.take_imu(&imu, params, &rules, cx);
         }
-        if self.has_encoders {
+        if let Some(encoders_at) = self.encoders_at {
+            let is_old = |at: Stamp| cx.now().seconds_since(at) > COUNTS_S;
+            let without_wheels = is_old(encoders_at);
+            if without_wheels {
+                // Without wheels there is nothing to compare.
+                self.traction.lose_inertial();
+            }
+            if without_wheels || self.motors_at.is_none_or(is_old) {
+                self.traction.motors_a = [0.0; 2];
+            }
             self.traction.look(cx.now(), params.inertial_timeout_s, &rules);
             self.report(ports, &rules, cx);
         }
@@ -225,17 +239,20 @@ impl Proximity {
     fn take_wheels(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         if let Some(encoders) = cx.read_newest(&ports.encoders) {
             let speeds = [encoders.left_mps, encoders.right_mps];
-            if speeds.iter().all(|speed| speed.is_finite()) {
+            if speeds.iter().all(|speed| speed.abs() <= FASTEST_WHEEL_MPS) {
                 self.traction.wheels_mps = speeds;
-                self.has_encoders = true;
+                self.encoders_at = Some(cx.now());
             } else {
-                cx.fault(format!("encoders: speeds are {speeds:?} m/s, expected finite numbers; skipped"));
+                cx.fault(format!(
+                    "encoders: speeds are {speeds:?} m/s, expected at most {FASTEST_WHEEL_MPS}; skipped"
+                ));
             }
         }
         if let Some(motors) = cx.read_newest(&ports.motors) {
             let currents = [motors.left_a, motors.right_a];
             if currents.iter().all(|current| current.is_finite()) {
                 self.traction.motors_a = currents;
+                self.motors_at = Some(cx.now());
             } else {
                 cx.fault(format!("motors: currents are {currents:?} A, expected finite numbers; skipped"));
             }
@@ -247,9 +264,9 @@ impl Proximity {
             cx.fault("imu: expected accelerations and turn rates, got only one of them; skipped");
             return;
         };
-        if !(acceleration.x.is_finite() && rate.z.is_finite()) {
+        if !(acceleration.x.abs() <= HARDEST_MPS2 && rate.z.abs() <= FASTEST_RADPS) {
             cx.fault(format!(
-                "imu: acceleration is {} m/s² and turn rate {} rad/s, expected finite numbers; skipped",
+                "imu: acceleration is {} m/s² and turn rate {} rad/s, expected at most {HARDEST_MPS2} and {FASTEST_RADPS}; skipped",
                 acceleration.x, rate.z
             ));
             return;

@@ -155,20 +155,20 @@ impl Traction {
 
     /// Takes inertial readings in chronological order; readings older than the last one are ignored.
     pub fn take_inertial(&mut self, reading: &Inertial, rules: &Rules) {
-        self.yaw_rate_radps = reading.yaw_rate_radps;
         let dt_s = self.last_inertial.map(|last| reading.time.seconds_since(last));
         self.last_inertial = Some(self.last_inertial.map_or(reading.time, |last| last.max(reading.time)));
         let wheels = self.wheel_speed_mps();
         // At rest and level the sensor measures nothing along x; with the front down, gravity accelerates it forward.
         let free = reading.acceleration_mps2 + GRAVITY_MPS2 * libm::sin(reading.pitch_rad);
         // At the start and after a gap, the wheel speed is the best estimate.
+        if dt_s.is_some_and(|dt_s| dt_s <= 0.0) {
+            return;
+        }
+        self.yaw_rate_radps = reading.yaw_rate_radps;
         let Some(dt_s) = dt_s.filter(|&dt_s| dt_s <= LONGEST_STEP_S) else {
             self.inertial_mps = wheels;
             return;
         };
-        if dt_s <= 0.0 {
-            return;
-        }
         let stand = self.wheels_mps.iter().all(|speed| speed.abs() < STANDS_MPS);
         if stand && reading.yaw_rate_radps.abs() < STANDS_RADPS {
             self.stood_s += dt_s;

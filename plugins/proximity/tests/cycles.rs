@@ -204,3 +204,35 @@ fn spinning_wheels_are_reported_from_encoders_and_inertial_readings() {
     bench.cycle();
     assert_eq!(bench.faults("proximity").0, 2);
 }
+
+#[test]
+fn a_stalled_motor_whose_sensor_falls_silent_and_wheels_that_do_are_not_known_any_more() {
+    let mut bench = Bench::placed();
+    let mut sense = |motors: bool, encoders: bool| {
+        for _ in 0..20 {
+            if motors {
+                bench.write(
+                    "/operator/motors",
+                    rcs::MotorCurrents { left_a: 40.0, right_a: 40.0, ..Default::default() },
+                );
+            }
+            if encoders {
+                bench.write("/operator/encoders", rcs::WheelEncoders::default());
+            }
+            let imu = rcs::Imu {
+                linear_acceleration: Some(Vector3 { x: 0.0, y: 0.0, z: 9.81 }),
+                angular_velocity: Some(Vector3::default()),
+                ..Default::default()
+            };
+            bench.write("/operator/imu", imu);
+            bench.odometry();
+            bench.cycle();
+        }
+        let report: rcs::SlipReport = bench.latest("/proximity/slip");
+        (report.state(), report.left_a)
+    };
+    assert_eq!(sense(true, true), (rcs::TractionState::TractionStalled, 40.0));
+    assert_eq!(sense(false, true), (rcs::TractionState::TractionUnknown, 0.0));
+    assert_eq!(sense(true, true), (rcs::TractionState::TractionStalled, 40.0));
+    assert_eq!(sense(true, false), (rcs::TractionState::TractionUnknown, 0.0));
+}

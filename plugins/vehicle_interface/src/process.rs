@@ -12,7 +12,7 @@ use rcs_msg::rcs::{
     WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, InputRole, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::pose_of;
+use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// A vehicle slower than this stands, m/s.
@@ -53,9 +53,6 @@ struct Sensed {
     yaw_rate_radps: Option<(f64, Stamp)>,
     roll_rad: f64,
     pitch_rad: f64,
-    /// Whether roll and pitch come from the localization, which separates acceleration from gravity, rather than from
-    /// the inertial sensor.
-    attitude_is_estimated: bool,
     left_a: f64,
     right_a: f64,
     bumper_left: bool,
@@ -269,30 +266,26 @@ impl VehicleInterface {
         wheels
     }
 
-    /// Reads the sensors. Values that are not finite are faults, and the previous values are kept.
+    /// Reads the sensors. Values that are not finite or absurd are faults, and the previous values are kept.
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         if let Some(encoders) = cx.read_newest(&ports.encoders) {
-            if encoders.left_mps.is_finite() && encoders.right_mps.is_finite() {
-                self.sensed.wheels_mps = Some(([encoders.left_mps, encoders.right_mps], cx.now()));
+            let wheels_mps = [encoders.left_mps, encoders.right_mps];
+            if wheels_mps.iter().all(|speed_mps| speed_mps.abs() <= FASTEST_WHEEL_MPS) {
+                self.sensed.wheels_mps = Some((wheels_mps, cx.now()));
             } else {
                 cx.fault(format!(
-                    "encoders: speeds are {} and {} m/s, expected finite numbers; skipped",
+                    "encoders: speeds are {} and {} m/s, expected at most {FASTEST_WHEEL_MPS} m/s; skipped",
                     encoders.left_mps, encoders.right_mps
                 ));
             }
         }
+        if let Some(odometry) = cx.read_newest(&ports.local)
+            && let Err(error) = self.take_local(&odometry, cx.now())
+        {
+            cx.fault(format!("local: {error}; skipped"));
+        }
         if let Some(imu) = cx.read_newest(&ports.imu) {
             self.take_imu(&imu, cx);
-        }
-        if let Some(odometry) = cx.read_newest(&ports.local) {
-            match pose_of(odometry.pose.as_ref(), &odometry.frame_id) {
-                Ok(pose) => {
-                    self.yaw = Some((pose.yaw(), odometry.acq_time()));
-                    [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
-                    self.sensed.attitude_is_estimated = true;
-                }
-                Err(error) => cx.fault(format!("local: {error}; skipped")),
-            }
         }
         if let Some(motors) = cx.read_newest(&ports.motors) {
             if motors.left_a.is_finite() && motors.right_a.is_finite() {
@@ -310,15 +303,31 @@ impl VehicleInterface {
         }
     }
 
+    /// Takes heading, roll and pitch of the local estimate. A time from the future would keep them fresh for ever.
+    fn take_local(&mut self, odometry: &Msg<Odometry>, now: Stamp) -> Result<(), String> {
+        let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
+        let time = odometry.acq_time().min(now);
+        if let Some((_, before)) = self.yaw.filter(|&(_, before)| before > time) {
+            return Err(format!("pose is {:.3} s older than the one before", before.seconds_since(time)));
+        }
+        self.yaw = Some((pose.yaw(), time));
+        [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
+        Ok(())
+    }
+
+    /// Roll and pitch come from the local estimate while there is one: it separates acceleration from gravity.
     fn take_imu(&mut self, imu: &Imu, cx: &mut Cycle<'_>) {
         if let Some(rate) = imu.angular_velocity.as_ref().map(|rates| rates.z) {
-            if rate.is_finite() {
+            if rate.abs() <= FASTEST_RADPS {
                 self.sensed.yaw_rate_radps = Some((rate, cx.now()));
             } else {
-                cx.fault(format!("imu: turn rate is {rate} rad/s, expected a finite number; skipped"));
+                cx.fault(format!(
+                    "imu: turn rate is {rate} rad/s, expected at most {FASTEST_RADPS} rad/s; skipped"
+                ));
             }
         }
-        if let Some(q) = imu.orientation.as_ref().filter(|_| !self.sensed.attitude_is_estimated) {
+        let is_estimated = self.yaw.is_some_and(|(_, at)| cx.now().seconds_since(at) <= SENSED_S);
+        if let Some(q) = imu.orientation.as_ref().filter(|_| !is_estimated) {
             match rcs_geom::Pose::from_parts([0.0; 3], [q.x, q.y, q.z, q.w]) {
                 Ok(pose) => [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy(),
                 Err(error) => cx.fault(format!("imu: {error}; skipped")),
@@ -334,12 +343,13 @@ impl VehicleInterface {
         }
     }
 
-    /// A stop takes effect at once, whatever its time; a release counts only if it is not older than the stop.
+    /// A stop takes effect at once, whatever its time; a release counts only if it is not older than any stop.
     fn take_emergency(&mut self, message: &Msg<EmergencyStop>) {
         let given = message.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(message.acq_time());
         if message.active {
             let reason = if message.reason.is_empty() { "no reason given" } else { &message.reason };
-            self.emergency = Some((reason.to_owned(), given));
+            let newest = self.emergency.as_ref().map_or(given, |&(_, before)| before.max(given));
+            self.emergency = Some((reason.to_owned(), newest));
         } else if self.emergency.as_ref().is_some_and(|&(_, stopped)| given >= stopped) {
             self.emergency = None;
             // Earlier requests are not resumed automatically.

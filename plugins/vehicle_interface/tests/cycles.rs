@@ -5,7 +5,7 @@
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
 use rcs_msg::{AnyMessage, Stamp, rcs};
-use rcs_runtime::ProcessType;
+use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_vehicle_interface::VehicleInterface;
@@ -161,6 +161,62 @@ fn an_emergency_stop_holds_until_a_later_message_releases_it() {
     assert_eq!(bench.wheels(), [0.0, 0.0], "what was asked for before the release is not taken up");
     bench.drive_for(1.0, 10);
     assert!(bench.wheels()[0] > 0.1 && !bench.vehicle().emergency_stopped);
+}
+
+#[test]
+fn an_older_stop_that_comes_late_does_not_shorten_a_newer_one() {
+    let mut bench = Bench::start();
+    bench.drive_for(1.0, 10);
+    bench.stop(true);
+    bench.run(1);
+    for (at_ms, active) in [(50, true), (100, false)] {
+        let timestamp = Some(Stamp(at_ms * 1_000_000).to_proto());
+        bench.write(
+            "/operator/emergency_stop",
+            rcs::EmergencyStop { timestamp, active, ..Default::default() },
+        );
+        bench.drive_for(1.0, 10);
+    }
+    assert!(bench.vehicle().emergency_stopped);
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+}
+
+#[test]
+fn absurd_readings_are_faults_and_the_vehicle_drives_on_by_the_others() {
+    let mut bench = Bench::start();
+    for cycle in 0..50 {
+        let (right_mps, rate) = if cycle % 2 == 0 { (f64::MAX, 1e300) } else { (0.5, 0.0) };
+        bench.write(
+            "/operator/encoders",
+            rcs::WheelEncoders { left_mps: 0.5, right_mps, ..Default::default() },
+        );
+        let angular_velocity = Some(Vector3 { z: rate, ..Vector3::default() });
+        bench.write("/operator/imu", rcs::Imu { angular_velocity, ..Default::default() });
+        bench.drive_for(0.5, 1);
+    }
+    assert_eq!(bench.faults("vehicle_interface").0, 50);
+    assert_eq!(bench.wheels(), [0.5, 0.5]);
+}
+
+#[test]
+fn a_local_position_from_the_future_is_not_fresh_for_longer_than_another() {
+    let mut bench = Bench::start();
+    let pose = Some(pose_message(&Pose::from_yaw(0.0)));
+    let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+    let hour = Stamp(3_600_000_000_000);
+    bench.session.write(ExternalEvent::sensed("/operator/local", hour, AnyMessage::new(odometry))).unwrap();
+    let steer = |bench: &mut Bench, cycles: u64| {
+        for _ in 0..cycles {
+            bench.drive("drive", 0.5, None);
+            bench.run(1);
+        }
+        bench.vehicle().stop_reason
+    };
+    assert_eq!(steer(&mut bench, 2), "");
+    assert_eq!(steer(&mut bench, 100), "local position is too old to steer for a heading");
+    // The next one counts.
+    bench.local(0.0);
+    assert_eq!(steer(&mut bench, 2), "");
 }
 
 #[test]
