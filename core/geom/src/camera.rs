@@ -31,6 +31,8 @@ pub struct PinholeCamera {
 
 /// Greatest accepted width or height, pixels.
 const MAX_SIDE: u32 = 1 << 15;
+/// Greatest accepted number of pixels: memory for rays and labels is taken by it.
+const MAX_PIXELS: u64 = 1 << 27;
 
 impl PinholeCamera {
     /// A camera from its parameters, pixels.
@@ -40,7 +42,8 @@ impl PinholeCamera {
         [cx, cy]: [f64; 2],
         distortion: Distortion,
     ) -> Result<PinholeCamera, CameraError> {
-        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+        let pixels = u64::from(width) * u64::from(height);
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
             return Err(CameraError::Size { width, height });
         }
         for value in [fx, fy, cx, cy] {

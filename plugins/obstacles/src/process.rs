@@ -32,6 +32,8 @@ pub struct Obstacles {
     camera: Option<PinholeCamera>,
     ground: GroundMap,
     sightings: Sightings,
+    /// Times of the last depth image and cloud that were used.
+    last: [Option<Stamp>; 2],
     /// Rays of `camera`, computed on first use.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
@@ -66,6 +68,8 @@ enum Unusable {
     Pose(#[from] LocalizerError),
     #[error(transparent)]
     SensorPose(#[from] SensorPoseError),
+    #[error("{age_s:.3} s older than the one before, expected a newer one")]
+    Late { age_s: f64 },
     #[error("none of {points} points has a range")]
     Empty { points: u64 },
 }
@@ -121,6 +125,7 @@ impl Process for Obstacles {
             camera: None,
             ground: GroundMap::new().expect("the size of the ground map is valid"),
             sightings: Sightings::new().expect("the size of the cost map is valid"),
+            last: [None; 2],
             rays: None,
         }
     }
@@ -133,13 +138,19 @@ impl Process for Obstacles {
         let mut seen = false;
         if let Some(image) = cx.read_newest(&ports.depth) {
             seen = true;
-            if let Err(error) = self.scan_depth(&image, ports, params, cx) {
+            let scanned = self
+                .in_order(0, image.acq_time(), cx.now())
+                .and_then(|()| self.scan_depth(&image, ports, params, cx));
+            if let Err(error) = scanned {
                 cx.fault(format!("{error}; image skipped"));
             }
         }
         if let Some(cloud) = cx.read_newest(&ports.cloud) {
             seen = true;
-            if let Err(error) = self.scan_cloud(&cloud, ports, params, cx) {
+            let scanned = self
+                .in_order(1, cloud.acq_time(), cx.now())
+                .and_then(|()| self.scan_cloud(&cloud, ports, params, cx));
+            if let Err(error) = scanned {
                 cx.fault(format!("{error}; cloud skipped"));
             }
         }
@@ -148,6 +159,18 @@ impl Process for Obstacles {
 }
 
 impl Obstacles {
+    /// Refuses a message that is not newer than the one before: its cells would be counted twice, or replace newer ones. A
+    /// time from the future does not count.
+    fn in_order(&mut self, which: usize, time: Stamp, now: Stamp) -> Result<(), Unusable> {
+        match self.last[which].replace(time) {
+            Some(last) if (time..=now).contains(&last) => {
+                self.last[which] = Some(last);
+                Err(Unusable::Late { age_s: last.seconds_since(time) })
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
         let camera = camera_of(calibration);
         let camera = camera.map_err(|error| cx.fault(Unusable::from(error).to_string())).ok();

@@ -141,11 +141,12 @@ impl LearnerCamera {
         let (_, depth) = self.depths.at(time, tolerance).ok_or_else(|| apart(&self.depths, "depth"))?;
         let (image, depth) = (image.clone(), depth.clone());
         let camera = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
-        let rays = self.rays.get_or_insert_with(|| Arc::new(Rays::new(camera))).clone();
         let size = [camera.width, camera.height];
         let rgb = self.check.check(&image, Some(size), params.image_check.as_ref())?;
         let labels = labels(label_image, size)?;
         let depth_m = depths(&depth, size, params.depth_scale_m)?;
+        // Rays take memory by the size of the calibration, which is now that of the images.
+        let rays = self.rays.get_or_insert_with(|| Arc::new(Rays::new(camera))).clone();
         self.images.forget_before(time);
         self.depths.forget_before(time);
         Ok(Frame { time, image, rgb, labels, depth_m, rays })

@@ -39,7 +39,9 @@ use rcs_msg::Stamp;
 use rcs_msg::classes::TRAVERSABLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, ImageCheck, Localizer, PosePorts, camera_of};
+use rcs_sense::{
+    Axes, Extrinsics, ImageCheck, Localizer, PosePorts, camera_of, fingerprint_of_texts, upright,
+};
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -53,6 +55,8 @@ pub struct Classifier {
     /// The newest depth image only.
     depths: Recent,
     models: Option<Models>,
+    /// Fingerprint of the model file of the parameters that was read last.
+    loaded: u64,
     check: ImageCheck,
     /// Times of the first image, and of the last processed one.
     first: Option<Stamp>,
@@ -74,6 +78,17 @@ impl Models {
         let (span_octaves, weights) = matching_of(message)?;
         Ok(Models { set: ModelSet::from_message(message)?, span_octaves, weights })
     }
+}
+
+/// The models of the parameters; a text that [`Process::check`] refuses never gets here.
+fn models_of_file(params: &ClassifierParams) -> Option<Models> {
+    let message = models_of_text(&params.models).ok().flatten()?;
+    Models::of(&message).ok()
+}
+
+/// Fingerprint of the model file of the parameters.
+fn file(params: &ClassifierParams) -> u64 {
+    fingerprint_of_texts(&[&params.models])
 }
 
 /// Ports of [`Classifier`].
@@ -139,14 +154,13 @@ impl Process for Classifier {
     }
 
     fn new(params: &ClassifierParams) -> Self {
-        // Texts refused by `check` never get here.
-        let models = models_of_text(&params.models).ok().flatten();
         Self {
             localizer: Localizer::default(),
             camera: None,
             images: Recent::default(),
             depths: Recent::default(),
-            models: models.and_then(|message| Models::of(&message).ok()),
+            models: models_of_file(params),
+            loaded: file(params),
             check: ImageCheck::default(),
             first: None,
             done: None,
@@ -156,6 +170,10 @@ impl Process for Classifier {
 
     fn cycle(&mut self, ports: &Ports, params: &ClassifierParams, cx: &mut Cycle<'_>) {
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
+        if self.loaded != file(params) {
+            self.models = models_of_file(params);
+            self.loaded = file(params);
+        }
         self.read_camera_and_models(ports, cx);
         let is_new_depth = self.read_images(ports, cx);
         match self.task(is_new_depth, params, cx) {
@@ -262,9 +280,11 @@ impl Classifier {
             _ => None,
         };
         let extrinsics = extrinsics(params);
+        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
+        upright(&local_from_vehicle)?;
         let view = View {
             camera,
-            local_from_vehicle: extrinsics.local_from_vehicle(&self.localizer, time)?,
+            local_from_vehicle,
             vehicle_from_camera: extrinsics.vehicle_from_sensor(
                 &self.localizer,
                 &image.frame_id,

@@ -157,13 +157,16 @@ impl Process for TerrainLearner {
     fn cycle(&mut self, ports: &Ports, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
         let extrinsics = extrinsics(params);
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
-        let mut deleted = false;
+        let mut changed = false;
         while let Some(command) = cx.next_command::<Self>() {
             match command {
-                TerrainLearnerCommand::Clear => self.maps = vec![empty_map()],
+                TerrainLearnerCommand::Clear => {
+                    self.maps = vec![empty_map()];
+                    changed = true;
+                }
                 TerrainLearnerCommand::Delete(model) => {
                     self.delete(&model).unwrap_or_else(|error| cx.fault(format!("DELETE: {error}")));
-                    deleted = true;
+                    changed = true;
                 }
             }
         }
@@ -171,6 +174,7 @@ impl Process for TerrainLearner {
         if self.loaded != files(params) {
             self.maps = maps(params);
             self.loaded = files(params);
+            changed = true;
         }
         self.maps
             .resize_with(if params.cameras() == TerrainCameras::TerrainSeparate { 2 } else { 1 }, empty_map);
@@ -196,7 +200,7 @@ impl Process for TerrainLearner {
         self.unsent |= driven;
         let now = cx.now();
         let is_late = self.sent.is_none_or(|sent| now.seconds_since(sent) >= SEND_AFTER_S);
-        if !lessons.is_empty() || told || deleted || (self.unsent && is_late) {
+        if !lessons.is_empty() || told || changed || (self.unsent && is_late) {
             let known = |map: &TerrainMap| {
                 let (south_west, cells) = map.judgements(&rules);
                 Known { south_west, cells, counts: map.counts() }
@@ -383,9 +387,11 @@ fn rules(params: &TerrainLearnerParams) -> ModelRules {
     }
 }
 
-/// Fingerprint of the model files of the parameters.
+/// Fingerprint of what the maps of the parameters are made of. Counts of other bins of ratios cannot be compared.
 fn files(params: &TerrainLearnerParams) -> u64 {
-    fingerprint_of_texts(&[&params.models, &params.models_right])
+    let is_separate = params.cameras() == TerrainCameras::TerrainSeparate;
+    let bins = format!("{is_separate} {}", params.ratio_span_octaves);
+    fingerprint_of_texts(&[&params.models, &params.models_right, &bins])
 }
 
 /// Maps with the models of the parameters; texts refused by [`Process::check`] are left out.

@@ -4,7 +4,7 @@ use rcs_geom::CameraError;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::{ImageError, depth_m, raw_to_rgb8};
-use rcs_sense::{ImageFault, LocalizerError, check_size};
+use rcs_sense::{ImageFault, LocalizerError, OnItsSide, check_size};
 
 /// Why an image, or data that belong to it, was skipped.
 #[derive(Debug, thiserror::Error)]
@@ -35,6 +35,9 @@ pub(crate) enum Unusable {
     /// The pose of the vehicle or the camera is unknown.
     #[error(transparent)]
     Pose(#[from] LocalizerError),
+    /// The vehicle lies on its side.
+    #[error(transparent)]
+    OnItsSide(#[from] OnItsSide),
     /// No kept image is close enough in time.
     #[error("no {what} of the time of the {of}: nearest is {} s away", shown(*.apart_s))]
     Apart {

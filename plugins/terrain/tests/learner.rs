@@ -4,11 +4,13 @@
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_msg::foxglove::{CameraCalibration, Grid, Odometry, RawImage};
-use rcs_msg::rcs::{Command, ExampleKind, ModelToDelete, PlanePoint, PlanePolygon, TrainingExample, WaySlip};
-use rcs_msg::{Stamp, schema_of};
+use rcs_msg::rcs::{
+    Command, ExampleKind, ModelToDelete, PlanePoint, PlanePolygon, Status, TrainingExample, WaySlip,
+};
+use rcs_msg::{AnyMessage, Stamp, schema_of};
 use rcs_runtime::ProcessType;
-use rcs_terrain::TerrainLearner;
-use rcs_terrain::proto::{TerrainModels, TerrainStats};
+use rcs_terrain::proto::{ClassifierParams, TerrainLearnerParams, TerrainModels, TerrainStats};
+use rcs_terrain::{Classifier, TerrainLearner};
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::{GridView, NumericType};
 
@@ -242,4 +244,51 @@ fn what_the_operator_marks_is_an_obstacle_or_ground_and_so_is_what_looks_like_it
         let (faults, last) = bench.faults("terrain");
         assert!(faults == count && last.contains(why), "{faults} faults, {last}");
     }
+}
+
+#[test]
+fn what_is_cleared_and_what_was_counted_in_other_bins_is_withdrawn_at_once() {
+    let mut cleared = bench();
+    assert!(!models(&cleared).models.is_empty());
+    cleared.write("/terrain/command", Command { serial: 2, name: "CLEAR".to_owned(), ..Command::default() });
+    cleared.advance(100);
+    assert!(models(&cleared).models.is_empty());
+    assert_eq!(cost(&cleared, 2.1, -0.5), 255.0);
+    let mut other_bins = bench();
+    let mut params: TerrainLearnerParams = other_bins.latest("/terrain/params");
+    params.ratio_span_octaves = 1.0;
+    other_bins.write("/terrain/params", params);
+    other_bins.advance(100);
+    assert!(models(&other_bins).models.is_empty());
+    assert_eq!(models(&other_bins).ratio_span_octaves, 1.0);
+}
+
+#[test]
+fn the_classifier_takes_another_model_file_while_it_runs() {
+    const STACK: &str = r#"
+format = 1
+name = "classifier"
+
+[[process]]
+name = "classifier"
+plugin = "classifier"
+supervisor = "viewer"
+period_ms = 50.0
+
+[process.inputs]
+image = "/operator/image"
+calibration = "/operator/calibration"
+odometry = "/operator/odometry"
+"#;
+    let mut bench = Setup::new(STACK, &[ProcessType::of::<Classifier>()]).bench();
+    bench.write("/operator/calibration", calibration());
+    bench.write("/operator/image", image("rgb8", 3, GRASS.repeat((SIZE[0] * SIZE[1]) as usize)));
+    bench.advance(100);
+    let told = |bench: &Bench| bench.latest::<Status>("/classifier/status").state_text;
+    assert_eq!(told(&bench), "waits for models");
+    let mut params: ClassifierParams = bench.latest("/classifier/params");
+    params.models = rcs_msg::to_json(&AnyMessage::new(models(&self::bench()))).unwrap();
+    bench.write("/classifier/params", params);
+    bench.advance(100);
+    assert_ne!(told(&bench), "waits for models");
 }
