@@ -32,7 +32,7 @@ pub struct Obstacles {
     camera: Option<PinholeCamera>,
     ground: GroundMap,
     sightings: Sightings,
-    /// Times of the last depth image and cloud that were used.
+    /// Times of the last depth image and cloud.
     last: [Option<Stamp>; 2],
     /// Rays of `camera`, computed on first use.
     #[serde(skip)]

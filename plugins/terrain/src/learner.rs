@@ -390,8 +390,8 @@ fn rules(params: &TerrainLearnerParams) -> ModelRules {
 /// Fingerprint of what the maps of the parameters are made of. Counts of other bins of ratios cannot be compared.
 fn files(params: &TerrainLearnerParams) -> u64 {
     let is_separate = params.cameras() == TerrainCameras::TerrainSeparate;
-    let bins = format!("{is_separate} {}", params.ratio_span_octaves);
-    fingerprint_of_texts(&[&params.models, &params.models_right, &bins])
+    let settings = format!("{is_separate} {}", params.ratio_span_octaves);
+    fingerprint_of_texts(&[&params.models, &params.models_right, &settings])
 }
 
 /// Maps with the models of the parameters; texts refused by [`Process::check`] are left out.

@@ -246,10 +246,10 @@ impl VehicleInterface {
             && let Some(message) = cx.latest(&ports.emergency_stop).filter(|message| message.active)
         {
             // A process whose state was created anew must still know an active emergency stop.
-            self.take_emergency(&message);
+            self.take_emergency(&message, cx.now());
         }
         while let Some(message) = cx.read(&ports.emergency_stop) {
-            self.take_emergency(&message);
+            self.take_emergency(&message, cx.now());
         }
         let decision = decide(self, cx);
         let dt_s = self.last_cycle.map_or(0.0, |last| cx.now().seconds_since(last).clamp(0.0, 0.1));
@@ -343,11 +343,13 @@ impl VehicleInterface {
         }
     }
 
-    /// A stop takes effect at once, whatever its time; a release counts only if it is not older than any stop.
-    fn take_emergency(&mut self, message: &Msg<EmergencyStop>) {
+    /// A stop takes effect at once, whatever its time; a release counts only if it is not older than any stop. A stop from
+    /// the future was given when it came.
+    fn take_emergency(&mut self, message: &Msg<EmergencyStop>, now: Stamp) {
         let given = message.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(message.acq_time());
         if message.active {
             let reason = if message.reason.is_empty() { "no reason given" } else { &message.reason };
+            let given = given.min(now);
             let newest = self.emergency.as_ref().map_or(given, |&(_, before)| before.max(given));
             self.emergency = Some((reason.to_owned(), newest));
         } else if self.emergency.as_ref().is_some_and(|&(_, stopped)| given >= stopped) {

@@ -182,6 +182,19 @@ fn an_older_stop_that_comes_late_does_not_shorten_a_newer_one() {
 }
 
 #[test]
+fn a_stop_from_the_future_can_be_released() {
+    let mut bench = Bench::start();
+    let hour = Some(Stamp(3_600_000_000_000).to_proto());
+    let stop = rcs::EmergencyStop { timestamp: hour, active: true, ..Default::default() };
+    bench.write("/operator/emergency_stop", stop);
+    bench.run(2);
+    assert!(bench.vehicle().emergency_stopped);
+    bench.stop(false);
+    bench.run(1);
+    assert!(!bench.vehicle().emergency_stopped);
+}
+
+#[test]
 fn absurd_readings_are_faults_and_the_vehicle_drives_on_by_the_others() {
     let mut bench = Bench::start();
     for cycle in 0..50 {
