@@ -34,6 +34,7 @@
 mod cost_grid;
 mod extrinsics;
 mod image_check;
+mod in_order;
 mod label;
 mod learned;
 mod localizer;
@@ -49,6 +50,7 @@ pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, uprigh
 pub use image_check::{
     ImageCheck, ImageFault, check_exposure, check_size, fingerprint, fingerprint_of_texts, luma, size_of,
 };
+pub use in_order::InOrder;
 pub use label::ObstacleLabel;
 pub use learned::{last_learned, learned_name, model_to_delete};
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};

@@ -19,7 +19,7 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of,
+    Axes, ImageCheck, ImageFault, InOrder, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of,
     model_to_delete, upright,
 };
 use rcs_world::GridView;
@@ -50,8 +50,7 @@ pub struct ColorModelLearner {
     #[serde(skip)]
     rays: Option<Arc<Vec<DVec3>>>,
     check: ImageCheck,
-    /// Time of the last image.
-    last_image: Option<Stamp>,
+    order: InOrder,
     /// Sample budget to which the models are scaled.
     samples: u32,
     /// Fingerprint of the model files with which the engine started.
@@ -134,7 +133,7 @@ impl Process for ColorModelLearner {
             camera: None,
             rays: None,
             check: ImageCheck::default(),
-            last_image: None,
+            order: InOrder::default(),
             samples: params.samples,
             loaded: files(params),
             learns: true,
@@ -200,7 +199,7 @@ impl ColorModelLearner {
         cx: &mut Cycle<'_>,
     ) -> Result<ColorLearning, Unusable> {
         let time = image.acq_time();
-        self.check_sequence(time, cx.now())?;
+        self.order.take(time, cx.now()).map_err(|late_s| Unusable::Late { late_s })?;
         let camera = self.camera.clone().ok_or(Unusable::NoCalibration)?;
         let size = [camera.width, camera.height];
         let rgb = self.check.check(image, Some(size), params.image_check.as_ref())?;
@@ -282,18 +281,6 @@ impl ColorModelLearner {
         }
         let number = model_to_delete(&self.engine.models.names(), model)?;
         self.engine.models.delete(number);
-        Ok(())
-    }
-
-    /// Returns an error for an image that is older than the last one. One with a time from the future does not count as the
-    /// last one: all others would be older.
-    fn check_sequence(&mut self, time: Stamp, now: Stamp) -> Result<(), Unusable> {
-        let last = self.last_image.filter(|last| *last <= now);
-        let newer_s = last.map_or(0.0, |last| time.seconds_since(last));
-        if newer_s < 0.0 {
-            return Err(Unusable::Late { late_s: -newer_s });
-        }
-        self.last_image = Some(time);
         Ok(())
     }
 

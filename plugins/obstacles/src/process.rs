@@ -19,7 +19,7 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, RawImage};
 use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
+use rcs_sense::{Axes, InOrder, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -32,8 +32,8 @@ pub struct Obstacles {
     camera: Option<PinholeCamera>,
     ground: GroundMap,
     sightings: Sightings,
-    /// Times of the last depth image and cloud.
-    last: [Option<Stamp>; 2],
+    /// Order of the depth images, and of the clouds.
+    order: [InOrder; 2],
     /// Rays of `camera`, computed on first use.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
@@ -125,7 +125,7 @@ impl Process for Obstacles {
             camera: None,
             ground: GroundMap::new().expect("the size of the ground map is valid"),
             sightings: Sightings::new().expect("the size of the cost map is valid"),
-            last: [None; 2],
+            order: Default::default(),
             rays: None,
         }
     }
@@ -138,8 +138,9 @@ impl Process for Obstacles {
         let mut seen = false;
         if let Some(image) = cx.read_newest(&ports.depth) {
             seen = true;
-            let scanned = self
-                .in_order(0, image.acq_time(), cx.now())
+            let scanned = self.order[0]
+                .take(image.acq_time(), cx.now())
+                .map_err(|age_s| Unusable::Late { age_s })
                 .and_then(|()| self.scan_depth(&image, ports, params, cx));
             if let Err(error) = scanned {
                 cx.fault(format!("{error}; image skipped"));
@@ -147,8 +148,9 @@ impl Process for Obstacles {
         }
         if let Some(cloud) = cx.read_newest(&ports.cloud) {
             seen = true;
-            let scanned = self
-                .in_order(1, cloud.acq_time(), cx.now())
+            let scanned = self.order[1]
+                .take(cloud.acq_time(), cx.now())
+                .map_err(|age_s| Unusable::Late { age_s })
                 .and_then(|()| self.scan_cloud(&cloud, ports, params, cx));
             if let Err(error) = scanned {
                 cx.fault(format!("{error}; cloud skipped"));
@@ -159,18 +161,6 @@ impl Process for Obstacles {
 }
 
 impl Obstacles {
-    /// Refuses a message that is not newer than the one before: its cells would be counted twice, or replace newer ones. A
-    /// time from the future does not count.
-    fn in_order(&mut self, which: usize, time: Stamp, now: Stamp) -> Result<(), Unusable> {
-        match self.last[which].replace(time) {
-            Some(last) if (time..=now).contains(&last) => {
-                self.last[which] = Some(last);
-                Err(Unusable::Late { age_s: last.seconds_since(time) })
-            }
-            _ => Ok(()),
-        }
-    }
-
     fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
         let camera = camera_of(calibration);
         let camera = camera.map_err(|error| cx.fault(Unusable::from(error).to_string())).ok();

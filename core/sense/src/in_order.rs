@@ -1,0 +1,41 @@
+//! The order of the messages of an input, by the times of their content.
+
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+
+/// Refuses messages that come twice or late: they would be counted twice, or replace newer ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InOrder {
+    last: Option<Stamp>,
+}
+
+impl InOrder {
+    /// Takes the time of a message. If it is not newer than the one before, returns by how much it is older, s. A time from
+    /// the future does not count as the one before: all others would be older until the clock is there.
+    pub fn take(&mut self, time: Stamp, now: Stamp) -> Result<(), f64> {
+        if let Some(last) = self.last.filter(|last| (time..=now).contains(last)) {
+            return Err(last.seconds_since(time));
+        }
+        self.last = Some(time);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_comes_twice_or_late_is_refused_and_a_time_from_the_future_does_not_make_the_next_late() {
+        let second = |s: u64| Stamp(s * 1_000_000_000);
+        let mut order = InOrder::default();
+        let mut take = |time_s: u64, now_s: u64| order.take(second(time_s), second(now_s));
+        assert_eq!(take(10, 11), Ok(()));
+        assert_eq!(take(10, 11), Err(0.0));
+        assert_eq!(take(8, 11), Err(2.0));
+        assert_eq!(take(11, 11), Ok(()));
+        assert_eq!(take(3600, 12), Ok(()));
+        assert_eq!(take(12, 13), Ok(()));
+        assert_eq!(take(11, 13), Err(1.0));
+    }
+}
