@@ -80,7 +80,7 @@ impl Matcher {
     }
 
     /// [`Matcher::compute`] in up to `count` parts, all of which `run_all` must run. The result is the same bit for bit
-    /// for any number of parts. Semi-global matching is one part, because each of its rows depends on the row above.
+    /// for any number of parts. Semi-global matching is one part, because its rows depend on each other.
     pub fn compute_in_strips(
         &mut self,
         left: &[u8],

@@ -67,21 +67,22 @@ fn costs(left: &[u8], right: &[u8], size: [usize; 2], settings: &Settings) -> Co
     (0..height as isize).map(|y| (d - 1..width as isize).map(|x| pixel(x, y)).collect()).collect()
 }
 
-/// Sums of the costs along the five paths.
+/// Sums of the costs along the four paths.
 fn aggregate(costs: &Costs) -> Costs {
     let (height, n, disparities) = (costs.len(), costs[0].len(), costs[0][0].len());
     let mut sums = vec![vec![vec![0; disparities]; n]; height];
-    for (dx, dy) in [(1_isize, 0_isize), (-1, 0), (0, 1), (1, 1), (-1, 1)] {
+    for (dx, dy) in [(1_isize, 0_isize), (-1, 0), (0, 1), (0, -1)] {
         let mut path = vec![vec![vec![0; disparities]; n]; height];
-        for y in 0..height {
+        for row in 0..height {
+            let y = if dy < 0 { height - 1 - row } else { row };
             for step in 0..n {
                 let x = if dx < 0 { n - 1 - step } else { step };
                 let (from_x, from_y) = (x as isize - dx, y as isize - dy);
-                let outside = from_x < 0 || from_x >= n as isize || from_y < 0;
-                let before = if outside {
-                    vec![0; disparities]
-                } else {
+                let inside = (0..n as isize).contains(&from_x) && (0..height as isize).contains(&from_y);
+                let before = if inside {
                     path[from_y as usize][from_x as usize].clone()
+                } else {
+                    vec![0; disparities]
                 };
                 let least = *before.iter().min().unwrap();
                 for d in 0..disparities {

@@ -1,16 +1,18 @@
-//! Semi-global matching (Hirschmüller 2008): aggregates the costs of each pixel along five paths: from the left, the
-//! right, above and the two upper diagonals.
+//! Semi-global matching (Hirschmüller 2008): aggregates the costs of each pixel along four paths: from the left, the
+//! right, above and below. They are in balance: with more paths from one side than from the other, the range of a
+//! surface that is inclined, as the ground is, is wrong towards what lies on that side.
 //!
 //! On a path a change of the disparity by one costs `P1` and a larger change `P2`, so that surfaces stay connected
 //! where the image has little texture. The cost of a pixel is half of a sum over 3×3 pixels: the absolute difference
-//! after the Laplacian of Gaussian plus the clipped difference after the Gaussian alone. One pass goes from the first
-//! row to the last; a row needs the costs of the row above on three paths.
+//! after the Laplacian of Gaussian plus the clipped difference after the Gaussian alone. The first pass goes from the
+//! first row to the last and keeps the costs of all pixels and of the path from above; the second goes back up, follows
+//! the other paths, and decides.
 //!
 //! All costs are bytes: a pixel's cost is at most 127, and a path adds at most `P2`. Vectors run along the disparities
 //! of one pixel, whose number is a multiple of 16.
 //!
-//! Cost: about 40 operations per pixel and disparity divided by the vector lanes. Rows depend on each other, so an
-//! image is processed on one thread.
+//! Cost: about 40 operations per pixel and disparity divided by the vector lanes, and two bytes of memory per pixel and
+//! disparity. Rows depend on each other, so an image is processed on one thread.
 
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
@@ -44,7 +46,7 @@ pub(crate) struct Image<'a> {
     pub(crate) out: &'a mut [u16],
 }
 
-/// Working memory of one image, kept between frames.
+/// Working memory of one image, kept between frames: two bytes for each pixel and disparity.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scratch {
     /// The right row, reversed.
@@ -52,22 +54,24 @@ pub(crate) struct Scratch {
     /// Absolute differences of the rows in the window, and their sums over the rows; indexed by column, disparity.
     differences: [Vec<u8>; SIDE],
     columns: Vec<u8>,
-    /// Costs of one row, indexed by column, disparity.
+    /// Costs of all pixels, indexed by row, column, disparity.
     costs: Vec<u8>,
-    /// Costs on the paths from the upper left, above and the upper right, of the row above and of the current one.
-    above: [Path; 3],
-    here: [Path; 3],
-    /// Costs on the path along the row, of the previous pixel and of the current one.
-    before: Path,
-    now: Path,
-    /// Sums over the paths, indexed by column, disparity.
+    /// The path from above at all pixels, by row and column, after a row without costs.
+    from_above: Path,
+    /// The path from below at the row below and at the current one.
+    below: Path,
+    from_below: Path,
+    /// The paths along the current row, by column and from the right, after a pixel without costs.
+    from_left: Path,
+    from_right: Path,
+    /// Sums over the paths at one pixel, indexed by disparity.
     sums: Vec<u16>,
     disparity: Vec<u16>,
     right_best: Vec<u16>,
     right_disparity: Vec<u16>,
 }
 
-/// Costs on one path: a pixel is a guard followed by its disparities; a pixel without costs is placed at both ends.
+/// Costs on one path: a pixel is a guard followed by its disparities; one more guard is at the end.
 #[derive(Clone, Debug, Default)]
 struct Path {
     costs: Vec<u8>,
@@ -75,12 +79,42 @@ struct Path {
 }
 
 impl Path {
-    fn clear(&mut self, pixels: usize, disparities: usize) {
-        self.least.clear();
-        self.least.resize(pixels, 0);
-        self.costs.clear();
-        self.costs.resize(pixels * (disparities + 1) + 1, 0);
-        self.costs.iter_mut().step_by(disparities + 1).for_each(|guard| *guard = GUARD);
+    /// Sets the size. The first `start` pixels, where the path comes from outside of the image, have no costs.
+    fn prepare(&mut self, pixels: usize, start: usize, disparities: usize) {
+        let stride = disparities + 1;
+        if self.least.len() != pixels || self.costs.len() != pixels * stride + 1 {
+            self.least = vec![0; pixels];
+            self.costs = vec![0; pixels * stride + 1];
+            self.costs.iter_mut().step_by(stride).for_each(|guard| *guard = GUARD);
+        }
+        self.least[..start].fill(0);
+        for pixel in self.costs.chunks_exact_mut(stride).take(start) {
+            pixel[1..].fill(0);
+        }
+    }
+
+    /// The costs of a pixel.
+    #[inline(always)]
+    fn at(&self, pixel: usize, disparities: usize) -> &[u8] {
+        &self.costs[pixel * (disparities + 1) + 1..][..disparities]
+    }
+
+    /// One step along the path, to a pixel from an earlier one.
+    #[inline(always)]
+    fn step<const LANES: usize>(&mut self, cost: &[u8], from: usize, to: usize) {
+        let stride = cost.len() + 1;
+        let (before, out) = self.costs.split_at_mut(to * stride + 1);
+        let before = &before[from * stride..][..cost.len() + 2];
+        self.least[to] = follow::<LANES>(cost, before, self.least[from], &mut out[..cost.len()]);
+    }
+
+    /// One step along the path, from the pixel of another row.
+    #[inline(always)]
+    fn step_from<const LANES: usize>(&mut self, cost: &[u8], row: &Path, pixel: usize) {
+        let stride = cost.len() + 1;
+        let before = &row.costs[pixel * stride..][..cost.len() + 2];
+        let out = &mut self.costs[pixel * stride + 1..][..cost.len()];
+        self.least[pixel] = follow::<LANES>(cost, before, row.least[pixel], out);
     }
 }
 
@@ -106,8 +140,9 @@ impl Image<'_> {
         let Image { left, right, width, disparities, accept, scratch, out } = self;
         let first_column = disparities - 1;
         let n = width - first_column;
-        scratch.clear(n, width, disparities);
-        for (y, out) in (0_isize..).zip(out.chunks_exact_mut(width)) {
+        let height = out.len() / width;
+        scratch.prepare([n, height], width, disparities);
+        for y in 0..height as isize {
             // The first row fills the window; each later one adds one row of differences.
             let new = if y == 0 {
                 -(RADIUS as isize)..=RADIUS as isize
@@ -127,76 +162,75 @@ impl Image<'_> {
                     slot,
                 );
             }
-            let [a, b, c] = &scratch.differences;
-            sum_rows(a, b, c, &mut scratch.columns);
-            sum_columns(&scratch.columns, disparities, &mut scratch.costs);
-            scratch.paths_from_left_and_above::<LANES>(n, disparities);
-            scratch.path_from_right_and_decide::<LANES>(disparities, accept, out);
-            std::mem::swap(&mut scratch.above, &mut scratch.here);
+            scratch.costs_and_path_from_above::<LANES>(y as usize, n, disparities);
+        }
+        for (y, out) in out.chunks_exact_mut(width).enumerate().rev() {
+            scratch.other_paths::<LANES>(y, n, disparities);
+            scratch.decide(y, disparities, accept, out);
+            std::mem::swap(&mut scratch.below, &mut scratch.from_below);
         }
     }
 }
 
 impl Scratch {
-    fn clear(&mut self, n: usize, width: usize, disparities: usize) {
+    fn prepare(&mut self, [n, height]: [usize; 2], width: usize, disparities: usize) {
         for row in &mut self.differences {
             row.resize((n + 2 * RADIUS) * disparities, 0);
         }
         self.columns.resize((n + 2 * RADIUS) * disparities, 0);
-        self.costs.resize(n * disparities, 0);
-        self.sums.resize(n * disparities, 0);
-        for path in self.above.iter_mut().chain(&mut self.here) {
-            path.clear(n + 2, disparities);
-        }
+        self.costs.resize(n * height * disparities, 0);
+        self.from_above.prepare(n * (height + 1), n, disparities);
+        self.below.prepare(n, n, disparities);
+        self.from_below.prepare(n, 0, disparities);
+        self.from_left.prepare(n + 1, 1, disparities);
+        self.from_right.prepare(n + 1, 1, disparities);
+        self.sums.resize(disparities, 0);
         self.disparity.resize(n, 0);
         self.right_best.resize(width, 0);
         self.right_disparity.resize(width, 0);
     }
 
     #[inline(always)]
-    fn paths_from_left_and_above<const LANES: usize>(&mut self, n: usize, disparities: usize) {
-        self.before.clear(1, disparities);
-        self.now.clear(1, disparities);
-        let [upper_left, upper, upper_right] = &self.above;
-        let [to_lower_right, to_lower, to_lower_left] = &mut self.here;
-        for x in 0..n {
-            let cost = &self.costs[x * disparities..][..disparities];
-            // Pixel x of a row has index x + 1 in its paths.
-            step::<LANES>(cost, upper_left, x, to_lower_right, x + 1);
-            step::<LANES>(cost, upper, x + 1, to_lower, x + 1);
-            step::<LANES>(cost, upper_right, x + 2, to_lower_left, x + 1);
-            step::<LANES>(cost, &self.before, 0, &mut self.now, 0);
-            let at = (x + 1) * (disparities + 1);
-            sum_paths::<LANES>(
-                &to_lower_right.costs[at + 1..],
-                &to_lower.costs[at + 1..],
-                &to_lower_left.costs[at + 1..],
-                &self.now.costs[1..],
-                &mut self.sums[x * disparities..][..disparities],
-            );
-            std::mem::swap(&mut self.before, &mut self.now);
+    fn costs_and_path_from_above<const LANES: usize>(&mut self, y: usize, n: usize, disparities: usize) {
+        let costs = &mut self.costs[y * n * disparities..][..n * disparities];
+        let [a, b, c] = &self.differences;
+        sum_rows(a, b, c, &mut self.columns);
+        sum_columns(&self.columns, disparities, costs);
+        for (x, cost) in costs.chunks_exact(disparities).enumerate() {
+            self.from_above.step::<LANES>(cost, y * n + x, (y + 1) * n + x);
+        }
+    }
+
+    /// The three are independent of each other, so that a processor can work on one while another waits for its
+    /// previous pixel.
+    #[inline(always)]
+    fn other_paths<const LANES: usize>(&mut self, y: usize, n: usize, disparities: usize) {
+        let costs = &self.costs[y * n * disparities..][..n * disparities];
+        let backwards = costs.chunks_exact(disparities).rev();
+        for (i, (cost, backwards)) in costs.chunks_exact(disparities).zip(backwards).enumerate() {
+            self.from_below.step_from::<LANES>(cost, &self.below, i);
+            self.from_left.step::<LANES>(cost, i, i + 1);
+            self.from_right.step::<LANES>(backwards, i, i + 1);
         }
     }
 
     #[inline(always)]
-    fn path_from_right_and_decide<const LANES: usize>(
-        &mut self,
-        disparities: usize,
-        accept: Accept,
-        out: &mut [u16],
-    ) {
+    fn decide(&mut self, y: usize, disparities: usize, accept: Accept, out: &mut [u16]) {
         let first_column = disparities - 1;
         let (blind, out) = out.split_at_mut(first_column);
+        let n = out.len();
         blind.fill(crate::NO_DISPARITY);
-        self.before.clear(1, disparities);
-        self.now.clear(1, disparities);
         self.right_best.fill(u16::MAX);
         self.right_disparity.fill(0);
-        for x in (0..out.len()).rev() {
-            let cost = &self.costs[x * disparities..][..disparities];
-            step::<LANES>(cost, &self.before, 0, &mut self.now, 0);
-            let sums = &mut self.sums[x * disparities..][..disparities];
-            let best = add_path(&self.now.costs[1..=disparities], sums);
+        let sums = &mut self.sums[..disparities];
+        for x in (0..n).rev() {
+            let best = sum_paths(
+                self.from_above.at((y + 1) * n + x, disparities),
+                self.from_below.at(x, disparities),
+                self.from_left.at(x + 1, disparities),
+                self.from_right.at(n - x, disparities),
+                sums,
+            );
             let d = place_of(sums, best);
             let rival = rival_of(sums, d);
             let at = usize::from(d);
@@ -210,7 +244,6 @@ impl Scratch {
                 self.right_best[right] = best;
                 self.right_disparity[right] = d;
             }
-            std::mem::swap(&mut self.before, &mut self.now);
         }
         // A pixel of the right image is assigned to the best of the left image's pixels that match it.
         for (x, (out, &d)) in out.iter_mut().zip(&self.disparity).enumerate() {
@@ -231,7 +264,7 @@ fn differences<const LANES: usize>(left: &[u8], reversed: &[u8], disparities: us
         let right = &reversed[last - x..][..disparities];
         for (out, right) in out.chunks_exact_mut(LANES).zip(right.chunks_exact(LANES)) {
             for i in 0..LANES {
-                out[i] = left.abs_diff(right[i]);
+                out[i] = abs_diff(left, right[i]);
             }
         }
     }
@@ -246,10 +279,16 @@ fn add_differences<const LANES: usize>(left: &[u8], reversed: &[u8], disparities
         let right = &reversed[last - x..][..disparities];
         for (out, right) in out.chunks_exact_mut(LANES).zip(right.chunks_exact(LANES)) {
             for i in 0..LANES {
-                out[i] = out[i].wrapping_add(left.abs_diff(right[i]).min(BRIGHTNESS_CAP));
+                out[i] = out[i].wrapping_add(abs_diff(left, right[i]).min(BRIGHTNESS_CAP));
             }
         }
     }
+}
+
+/// `u8::abs_diff`, for which the compiler makes vectors of four bytes per number.
+#[inline(always)]
+fn abs_diff(a: u8, b: u8) -> u8 {
+    a.max(b).wrapping_sub(a.min(b))
 }
 
 #[inline(always)]
@@ -277,15 +316,6 @@ fn sum_columns(columns: &[u8], disparities: usize, out: &mut [u8]) {
     }
 }
 
-/// One step along a path, from one pixel to the next.
-#[inline(always)]
-fn step<const LANES: usize>(cost: &[u8], from: &Path, from_pixel: usize, to: &mut Path, to_pixel: usize) {
-    let stride = cost.len() + 1;
-    let before = &from.costs[from_pixel * stride..][..cost.len() + 2];
-    let out = &mut to.costs[to_pixel * stride + 1..][..cost.len()];
-    to.least[to_pixel] = follow::<LANES>(cost, before, from.least[from_pixel], out);
-}
-
 /// Computes the costs after one step; returns the least of them. `before` has a guard at both ends.
 #[inline(always)]
 fn follow<const LANES: usize>(cost: &[u8], before: &[u8], least: u8, out: &mut [u8]) -> u8 {
@@ -305,35 +335,23 @@ fn follow<const LANES: usize>(cost: &[u8], before: &[u8], least: u8, out: &mut [
     least_of(&new_least)
 }
 
-#[inline(always)]
-fn sum_paths<const LANES: usize>(a: &[u8], b: &[u8], c: &[u8], d: &[u8], out: &mut [u16]) {
-    for (k, out) in out.chunks_exact_mut(LANES).enumerate() {
-        let at = k * LANES;
-        let (a, b) = (&a[at..][..LANES], &b[at..][..LANES]);
-        let (c, d) = (&c[at..][..LANES], &d[at..][..LANES]);
-        for i in 0..LANES {
-            out[i] = u16::from(a[i]) + u16::from(b[i]) + u16::from(c[i]) + u16::from(d[i]);
-        }
-    }
-}
-
 /// Lanes of a vector of sums; they divide the number of disparities.
 const SUMS: usize = 16;
 
-/// Adds the last path; returns the least sum.
+/// Sums of four paths; returns the least.
 #[inline(always)]
-fn add_path(path: &[u8], sums: &mut [u16]) -> u16 {
+fn sum_paths(a: &[u8], b: &[u8], c: &[u8], d: &[u8], sums: &mut [u16]) -> u16 {
     let mut least = [u16::MAX; SUMS];
-    for (sums, path) in sums.chunks_exact_mut(SUMS).zip(path.chunks_exact(SUMS)) {
-        // Apart, because for all that the compiler knows, `sums` and `path` overlap.
-        let mut total = [0; SUMS];
+    for (k, sums) in sums.chunks_exact_mut(SUMS).enumerate() {
+        let at = k * SUMS;
+        let (a, b) = (&a[at..][..SUMS], &b[at..][..SUMS]);
+        let (c, d) = (&c[at..][..SUMS], &d[at..][..SUMS]);
         for i in 0..SUMS {
-            total[i] = sums[i].wrapping_add(u16::from(path[i]));
+            sums[i] = u16::from(a[i]) + u16::from(b[i]) + u16::from(c[i]) + u16::from(d[i]);
         }
         for i in 0..SUMS {
-            least[i] = least[i].min(total[i]);
+            least[i] = least[i].min(sums[i]);
         }
-        sums.copy_from_slice(&total);
     }
     least_sum(&least)
 }
