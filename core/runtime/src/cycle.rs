@@ -74,6 +74,12 @@ impl<T: Payload> Msg<T> {
         self.sample.header.acq_time
     }
 
+    /// The acquisition time, and at most the time at which the message became visible: by it, a message has an age. A sensor
+    /// whose clock is ahead would else look new for as long after it has stopped.
+    pub fn acq_time_on_arrival(&self) -> Stamp {
+        self.acq_time().min(self.sample.header.log_time)
+    }
+
     /// The message itself. A reader that knows the source type of a deferred message uses [`AnyMessage::source`], which
     /// avoids making the `T`.
     pub fn message(&self) -> &AnyMessage {

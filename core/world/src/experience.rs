@@ -137,6 +137,7 @@ impl Samples {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Earlier {
     time: Stamp,
+    cell_size_m: f64,
     /// South-west cell, counted from the origin of the frame.
     corner: [i64; 2],
     columns: usize,
@@ -168,7 +169,7 @@ impl Earlier {
         }
         let corner = view.frame_from_grid().translation.truncate() / view.cell_size_m();
         let corner = [corner.x.round() as i64, corner.y.round() as i64];
-        Ok(Earlier { time, corner, columns: view.columns(), said })
+        Ok(Earlier { time, cell_size_m: view.cell_size_m().x, corner, columns: view.columns(), said })
     }
 
     /// What was said of a cell, counted from the origin of the frame; `None` outside of the map.
@@ -194,7 +195,7 @@ impl Earlier {
     }
 }
 
-/// Collects samples from the maps of a drive, in the order of time. The maps are of one frame and cell size.
+/// Collects samples from the maps of a drive, in the order of time. The maps are of one frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Experience {
     kinds: Vec<(Source, SourceKind)>,
@@ -228,10 +229,12 @@ impl Experience {
     }
 
     /// Looks at a map; one that follows the one before by less than a second is passed over. The map must have the
-    /// fields `cost.<source>` and `conf.<source>`. A map of an earlier time, as of another run, begins anew.
+    /// fields `cost.<source>` and `conf.<source>`. A map of an earlier time, as of another run, begins anew, and so does
+    /// one of another cell size.
     pub fn take(&mut self, view: &GridView<'_>, time: Stamp) -> Result<(), GridViewError> {
         let last = self.earlier.back().map(|earlier| earlier.time);
-        if last.is_some_and(|last| time < last) {
+        let cell_size_m = view.cell_size_m().x;
+        if self.earlier.back().is_some_and(|last| time < last.time || cell_size_m != last.cell_size_m) {
             self.earlier.clear();
         } else if last.is_some_and(|last| time.seconds_since(last) < STEP_S - 1e-6) {
             return Ok(());

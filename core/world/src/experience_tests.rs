@@ -97,22 +97,28 @@ fn from_free_ground_alone_nothing_is_learned() {
 }
 
 #[test]
-fn a_split_keeps_every_sample_and_an_earlier_map_begins_anew() {
+fn a_split_keeps_every_sample_and_an_earlier_map_or_one_of_other_cells_begins_anew() {
     let samples = drive().samples().clone();
     let [a, b] = samples.split(0.5);
     assert_eq!(a.len() + b.len(), samples.len());
     let mut kept = samples.clone();
     kept.keep_newest(7);
     assert_eq!((kept.len(), kept.said.len()), (7, 7 * 3));
-    let mut experience = drive();
-    let map = Map::with_side(61, 0.2).unwrap();
-    let options =
-        MapOptions { sources: [Source::STEREO].into_iter().collect(), heights: false, weights: weights() };
-    let message = MapMessage::new(map, "local", Stamp(0), options);
-    experience.take(&GridView::of_map(&message), Stamp(0)).unwrap();
-    assert_eq!((experience.earlier.len(), experience.samples()), (1, &samples));
-    experience.keep_newest(7);
-    assert_eq!(experience.samples(), &kept);
+    // The second is later, and has other cells.
+    for (time, cell_size_m) in [(Stamp(0), 0.2), (Stamp(5_000_000_000), 0.4)] {
+        let mut experience = drive();
+        let map = Map::with_side(61, cell_size_m).unwrap();
+        let options = MapOptions {
+            sources: [Source::STEREO].into_iter().collect(),
+            heights: false,
+            weights: weights(),
+        };
+        let message = MapMessage::new(map, "local", time, options);
+        experience.take(&GridView::of_map(&message), time).unwrap();
+        assert_eq!((experience.earlier.len(), experience.samples()), (1, &samples));
+        experience.keep_newest(7);
+        assert_eq!(experience.samples(), &kept);
+    }
 }
 
 #[test]

@@ -293,7 +293,8 @@ impl<'a> Fuser<'a> {
             total += range.evidence;
             note(&mut most, range);
         }
-        if total <= 0.0 {
+        // Weights of 1e37 make the sum infinite; what is no number would be the cost 0.
+        if total <= 0.0 || !sum.is_finite() {
             return Fused::UNKNOWN;
         }
         let cost = (sum / total + 0.5) as u8;

@@ -208,4 +208,7 @@ fn weights_that_cannot_be_count_as_none() {
     for weight in [f32::NAN, f32::INFINITY, -1.0] {
         assert_eq!(fuse_six(costs, confs, &Weights::default().with(Source::COLOR, weight)).cost, 80);
     }
+    // Sums that are infinite are no cost: not that of free ground.
+    let huge = Weights::default().with(Source::COLOR, 1e37);
+    assert_eq!(fuse_six(costs, confs, &huge), Fused::UNKNOWN);
 }

@@ -68,6 +68,12 @@ pub enum GridViewError {
         /// Size of a cell, bytes.
         cell_stride: usize,
     },
+    /// There are more fields than any map has.
+    #[error("grid has {got} fields, expected at most {MAX_FIELDS}")]
+    Fields {
+        /// Number of fields.
+        got: usize,
+    },
     /// Two fields have the same name.
     #[error("field \"{name}\" is there twice")]
     Twice {
@@ -103,6 +109,8 @@ pub enum GridViewError {
 
 /// Greatest accepted side, cells.
 const MAX_SIDE: usize = 1 << 15;
+/// Greatest accepted number of fields; names are compared with each other.
+const MAX_FIELDS: usize = 1024;
 
 /// A checked `foxglove.Grid`, in which every field of every cell lies within the data; or a [`MapMessage`], which has
 /// the same fields and is read without a conversion.
@@ -155,6 +163,9 @@ impl<'a> GridView<'a> {
         let usable = |v: f64| v.is_finite() && v > 0.0;
         if !usable(size.x) || !usable(size.y) {
             return Err(GridViewError::CellSize { x: size.x, y: size.y });
+        }
+        if grid.fields.len() > MAX_FIELDS {
+            return Err(GridViewError::Fields { got: grid.fields.len() });
         }
         let mut fields: Vec<(Cow<'_, str>, FieldLocation, NumericType)> =
             Vec::with_capacity(grid.fields.len());

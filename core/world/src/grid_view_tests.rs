@@ -94,6 +94,7 @@ fn malformed_grids_are_refused_with_what_is_wrong() {
     check(|g| g.fields[1].r#type = 0, "field \"cost.stereo\" at offset 4 with type 0");
     check(|g| g.fields[1].r#type = 77, "with type 77");
     check(|g| g.fields[1].name = "height".to_owned(), "field \"height\" is there twice");
+    check(|g| g.fields = vec![g.fields[1].clone(); 1025], "grid has 1025 fields, expected at most 1024");
     check(
         |g| {
             let position = Some(rcs_msg::foxglove::Vector3 { x: f64::NAN, y: 0.0, z: 0.0 });

@@ -5,8 +5,9 @@ use crate::cli::{
     EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs, Param,
     StereoMethod,
 };
-use crate::{stacks, usage};
+use crate::{Ended, stacks, usage};
 use rcs_eval::{ClassReport, EvalError, classify, color, obstacles, plan, stereo};
+use rcs_log::Log;
 use rcs_runtime::RunOptions;
 use rcs_stereo::Method;
 use serde::Serialize;
@@ -14,14 +15,23 @@ use std::fmt::Display;
 use std::io::Write;
 
 /// Runs the evaluation and prints its results.
-pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<()> {
+pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<Ended> {
     match command {
-        EvalCommand::Classify(args) => print(&classes(args)?, args.json, out),
-        EvalCommand::Color(args) => print(&colors(args).map_err(told)?, args.json, out),
-        EvalCommand::Plan(args) => print(&paths(args).map_err(told)?, args.json, out),
-        EvalCommand::Obstacles(args) => print(&arcs(args)?, args.json, out),
-        EvalCommand::Stereo(args) => print(&disparities(args).map_err(told)?, args.json, out),
+        EvalCommand::Classify(args) => {
+            let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+            print(&classes(args, log.as_ref())?, args.json, out)?;
+            return Ok(Ended::after(log.as_ref()));
+        }
+        EvalCommand::Obstacles(args) => {
+            let log = stacks::open_log(&args.run)?;
+            print(&arcs(args, &log)?, args.json, out)?;
+            return Ok(Ended::after(Some(&log)));
+        }
+        EvalCommand::Color(args) => print(&colors(args).map_err(told)?, args.json, out)?,
+        EvalCommand::Plan(args) => print(&paths(args).map_err(told)?, args.json, out)?,
+        EvalCommand::Stereo(args) => print(&disparities(args).map_err(told)?, args.json, out)?,
     }
+    Ok(Ended::Well)
 }
 
 fn print(report: &(impl Display + Serialize), json: bool, out: &mut dyn Write) -> anyhow::Result<()> {
@@ -72,8 +82,7 @@ fn colors(args: &EvalColorArgs) -> Result<ClassReport, EvalError> {
     })
 }
 
-fn classes(args: &EvalClassifyArgs) -> anyhow::Result<ClassReport> {
-    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+fn classes(args: &EvalClassifyArgs, log: Option<&Log>) -> anyhow::Result<ClassReport> {
     let job = classify::Job {
         truth_topic: &args.truth_topic,
         topic: args.topic.as_deref(),
@@ -81,19 +90,19 @@ fn classes(args: &EvalClassifyArgs) -> anyhow::Result<ClassReport> {
     };
     let Some(stack) = &args.stack else {
         let log = log.ok_or_else(|| usage("expected a recording or a stack, got neither"))?;
-        return classify::recording(&job, &log).map_err(told);
+        return classify::recording(&job, log).map_err(told);
     };
     let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
     let run = classify::StackRun {
         plan: stacks::plan(stack, args.course.as_deref(), &overrides)?,
-        log: log.as_ref(),
+        log,
         options: RunOptions { seed: args.seed, ..stacks::options() },
         until_s: args.until,
     };
     classify::stack(&job, run).map_err(told)
 }
 
-fn arcs(args: &EvalObstaclesArgs) -> anyhow::Result<obstacles::Report> {
+fn arcs(args: &EvalObstaclesArgs, log: &Log) -> anyhow::Result<obstacles::Report> {
     let job = obstacles::Job {
         map: args.map.clone(),
         true_map: args.truth_map.clone(),
@@ -106,5 +115,5 @@ fn arcs(args: &EvalObstaclesArgs) -> anyhow::Result<obstacles::Report> {
             ..obstacles::Settings::default()
         },
     };
-    obstacles::recording(&job, &stacks::open_log(&args.run)?).map_err(told)
+    obstacles::recording(&job, log).map_err(told)
 }

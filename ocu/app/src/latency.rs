@@ -6,6 +6,7 @@
 //! A buffer with several writers does not say which of them wrote a message. Each process publishes what it wrote, and
 //! then its status, at one time: the writer is the one whose status comes next.
 
+use crate::Ended;
 use crate::cli::LatencyArgs;
 use crate::table::{Align, Table};
 use anyhow::Context as _;
@@ -65,15 +66,16 @@ impl Spread {
 }
 
 /// Prints the ages of a recording's messages.
-pub fn latency(args: &LatencyArgs, out: &mut dyn Write) -> anyhow::Result<()> {
+pub fn latency(args: &LatencyArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let log = Log::open_parts(&crate::parts::of(&args.log)?)?;
     let report = Ages::of(&log)?.report();
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &report).context("cannot write the report")?;
         writeln!(out)?;
-        return Ok(());
+    } else {
+        human(&report, out)?;
     }
-    human(&report, out)
+    Ok(Ended::after(Some(&log)))
 }
 
 /// A message whose writer is not known yet.

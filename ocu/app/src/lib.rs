@@ -86,6 +86,17 @@ pub enum Ended {
     Damaged,
 }
 
+impl Ended {
+    /// The result of a command that has read a recording as far as it could be read.
+    pub(crate) fn after(log: Option<&rcs_log::Log>) -> Self {
+        if log.and_then(run::LogDamage::of).is_none() {
+            return Self::Well;
+        }
+        tracing::warn!("the recording is damaged, and the result is of what could be read; ocu check says where");
+        Self::Damaged
+    }
+}
+
 impl From<bool> for Ended {
     fn from(well: bool) -> Self {
         if well { Self::Well } else { Self::Failed }
@@ -153,11 +164,11 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Cut(args)) => cut::cut(args, out),
         Some(Command::Export(args)) => export::export(args, out),
         Some(Command::Graph(args)) => graph::graph(args, out).map(|()| Ended::Well),
-        Some(Command::Latency(args)) => latency::latency(args, out).map(|()| Ended::Well),
+        Some(Command::Latency(args)) => latency::latency(args, out),
         Some(Command::Render(args)) => render::render(args).map(|()| Ended::Well),
         Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),
-        Some(Command::Eval(command)) => eval::eval(command, out).map(|()| Ended::Well),
-        Some(Command::Tune(args)) => tune::tune(args, out).map(|()| Ended::Well),
+        Some(Command::Eval(command)) => eval::eval(command, out),
+        Some(Command::Tune(args)) => tune::tune(args, out),
         Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| Ended::Well),
         Some(Command::Sweep(args)) => sweep::sweep(args, out),
         Some(Command::Stack(command)) => stack_tool::stack(command, out).map(Ended::from),

@@ -128,7 +128,7 @@ pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
     buffer.latest().and_then(|sample| sample.message.to())
 }
 
-/// Runs until the referee has decided, or until a time. Returns whether the run may continue.
+/// Runs until the referee has decided, or until a time. Returns whether the run may continue: not once it is decided.
 fn to_the_verdict(run: &mut Stepped, referee: usize, to: Stamp, stop: Stop<'_>) -> Result<bool, RunError> {
     let decided = |run: &Stepped| {
         verdict(&run.buffers()[referee])
@@ -146,7 +146,7 @@ fn to_the_verdict(run: &mut Stepped, referee: usize, to: Stamp, stop: Stop<'_>) 
             break;
         }
     }
-    Ok(true)
+    Ok(!decided(run))
 }
 
 /// Runs until a time. Returns whether the run may continue.

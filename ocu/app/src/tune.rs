@@ -3,12 +3,12 @@
 use crate::cli::{Param, TuneArgs};
 use crate::eval::told;
 use crate::output::Files;
-use crate::{output, stack_edit, stacks};
+use crate::{Ended, output, stack_edit, stacks};
 use rcs_eval::tune;
 use std::io::Write;
 
 /// Executes `ocu tune`.
-pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<()> {
+pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut files = Files::new(args.force);
     files.reads("the recording", &args.log);
     if let Some(path) = &args.output {
@@ -31,11 +31,12 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<()> {
     }
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &tuned.report)?;
-        return Ok(writeln!(out)?);
+        writeln!(out)?;
+        return Ok(Ended::after(Some(&log)));
     }
     write!(out, "{}", tuned.report)?;
     if let (Some(path), true) = (&args.output, tuned.report.kept) {
         writeln!(out, "written to {}", path.display())?;
     }
-    Ok(())
+    Ok(Ended::after(Some(&log)))
 }

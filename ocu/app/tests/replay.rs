@@ -191,6 +191,41 @@ fn acts_that_do_not_fit_are_refused_by_number() {
 }
 
 #[test]
+fn acts_change_the_newest_parameters_and_none_is_done_after_the_course_is_decided() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (acts, params) = (path("acts.json"), path("params.json"));
+    let both = r#"[{"at_s": 0.1, "buffer": "/wm1/params", "message": {"publish_hz": 8}},
+                   {"at_s": 0.2, "buffer": "/wm1/params", "message": {"fade_period_s": 7}}]"#;
+    std::fs::write(&acts, both).unwrap();
+    let save = format!("/wm1/params={params}");
+    run(&["run", "--stack", "simulation", "--until", "0.3", "--acts", &acts, "--save", &save, "--json"], 0);
+    let saved: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&params).unwrap()).unwrap();
+    assert_eq!((&saved["publishHz"], &saved["fadePeriodS"]), (&8.0.into(), &7.0.into()), "{saved}");
+    let late = r#"[{"at_s": 235, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}}]"#;
+    std::fs::write(&acts, late).unwrap();
+    let done =
+        run(&["run", "--stack", "truth_driver", "--course", "meadow", "--acts", &acts, "--json"], 0);
+    assert_eq!(done["runs"][0]["outcome"], "reached");
+    let teleop = done["buffers"].as_array().unwrap().iter().find(|buffer| buffer["name"] == "/operator/teleop");
+    assert_eq!(teleop.unwrap()["messages"], 0);
+}
+
+#[test]
+fn a_damaged_recording_is_told_by_the_exit_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (whole, part) = (path("whole.mcap"), path("part.mcap"));
+    run(&["run", "--stack", "simulation", "--until", "3", "--record", &whole, "--json"], 0);
+    let bytes = std::fs::read(&whole).unwrap();
+    std::fs::write(&part, &bytes[..bytes.len() * 7 / 10]).unwrap();
+    let replayed = run(&["run", "--replay", &part, "--json"], 3);
+    assert_eq!(replayed["replay"]["equal"], true, "as far as it could be read");
+    run(&["latency", &part, "--json"], 3);
+    run(&["latency", &whole, "--json"], 0);
+}
+
+#[test]
 fn a_run_with_faults_replays_to_the_same_hash_and_a_fault_that_does_not_fit_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
@@ -224,8 +259,10 @@ fn each_of_several_runs_is_recorded_and_repeated_with_what_the_one_before_has_le
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let out = path("drive.mcap");
     let stack = ["run", "--stack", "lagr", "--course", "meadow", "--until", "2", "--runs", "2", "--json"];
-    let record = ["--record", &out, "--record-what", "journal"];
+    let save = format!("/wm1/stats={}", path("stats.json"));
+    let record = ["--record", &out, "--record-what", "journal", "--save", &save];
     let recorded = run(&[&stack[..], &record].concat(), 0);
+    assert!(std::fs::read_to_string(path("stats.json")).unwrap().contains("source"), "of the last run");
     for (number, name) in ["drive-1.mcap", "drive-2.mcap"].into_iter().enumerate() {
         let replayed = run(&["run", "--replay", &path(name), "--until", "2", "--json"], 0);
         assert_eq!(replayed["hash"], recorded["runs"][number]["hash"], "{name}");

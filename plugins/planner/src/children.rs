@@ -43,6 +43,11 @@ impl Children {
         forgotten
     }
 
+    /// Sends an order to the follower.
+    pub(crate) fn order_follower(&self, order: Order<NoCommands>, cx: &mut Cycle<'_>) {
+        cx.send(&self.follower, order);
+    }
+
     /// Halts the planners.
     pub(crate) fn halt_planners(&self, cx: &mut Cycle<'_>) {
         cx.send(&self.planner, Order::Halt);

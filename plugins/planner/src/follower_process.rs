@@ -160,7 +160,7 @@ impl Process for WaypointFollower {
         let Some(map) = cx.latest(&ports.map) else {
             return self.stand(ports, "there is no map".to_owned(), cx);
         };
-        if let Some(why) = too_old("the map", map.acq_time(), params.map_timeout_s) {
+        if let Some(why) = too_old("the map", map.acq_time_on_arrival(), params.map_timeout_s) {
             return self.stand(ports, why, cx);
         }
         // Cameras before a hedge may see nothing that has a cost; if they send nothing, they are broken.
@@ -213,7 +213,7 @@ enum Newest {
 
 fn newest<T: Payload>(port: &In<T>, cx: &Cycle<'_>) -> Newest {
     match cx.latest(port) {
-        Some(message) => Newest::At(message.acq_time()),
+        Some(message) => Newest::At(message.acq_time_on_arrival()),
         None if cx.is_wired(port) => Newest::NothingYet,
         None => Newest::NotWired,
     }
@@ -230,7 +230,7 @@ impl WaypointFollower {
         match poses {
             Ok(poses) => {
                 self.waypoints = poses.iter().map(|pose| (pose.translation.x, pose.translation.y)).collect();
-                self.path_at = Some(path.acq_time());
+                self.path_at = Some(path.acq_time_on_arrival());
             }
             Err(error) => cx.fault(format!("waypoints: {error}; skipped")),
         }

@@ -28,6 +28,7 @@ use crate::zones::{Polygon, Zones};
 use crate::{route, slips};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
+use rcs_msg::params::check_typed;
 use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
@@ -36,6 +37,8 @@ use serde::{Deserialize, Serialize};
 
 /// The planner of the near map is told another point of the far path when that is this far away, m.
 const LOOKAHEAD_STEP_M: f64 = 1.0;
+/// Greatest length of a path, m.
+const MOST_PATH_M: f64 = 10_000.0;
 rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
     pub enum WaypointGeneratorCommand {
@@ -63,12 +66,22 @@ pub struct WaypointGenerator {
     forbidden: Option<String>,
     /// The goal that the planners were told, local frame, m.
     told: Option<(f64, f64)>,
+    /// The same in the global frame, m.
+    told_global: (f64, f64),
+    /// Whether they are told again, because of something other than a motion of the goal.
+    is_to_tell: bool,
     /// Where the goal lay by the registration of the route when they were told, local frame, m.
     route_told: Option<(f64, f64)>,
     /// What the planner of the near map was told, local frame, m.
     near_told: Option<(f64, f64)>,
     /// Whether the planners were halted.
     is_halted: bool,
+    /// Whether the follower was halted, because the vehicle stands: its modes would drive on without waypoints.
+    is_standing: bool,
+    /// Fingerprint of the parameters.
+    obeyed: Option<u64>,
+    /// Why the slips of the parameters were not used.
+    refused_slips: Option<String>,
     /// The path of the planner of the far map, local frame, m; empty without one.
     far_path: Vec<(f64, f64)>,
     /// When it came.
@@ -206,9 +219,19 @@ impl Process for WaypointGenerator {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        if ports.children.pass_on(&Order::Run, &Order::Run, cx) {
+        if cx.is_new_command() {
+            self.is_standing = false;
+        }
+        let to_follower = if self.is_standing { Order::Halt } else { Order::Run };
+        if ports.children.pass_on(&Order::Run, &to_follower, cx) {
             self.told = None;
+            self.search = None;
             self.is_halted = false;
+        }
+        let obeyed = self.given.fingerprint(params);
+        if self.obeyed.replace(obeyed).is_some_and(|before| before != obeyed) {
+            self.is_to_tell = true;
+            self.search = None;
         }
         while let Some(command) = cx.next_command::<Self>() {
             let WaypointGeneratorCommand::GoTo(goal) = command;
@@ -233,8 +256,7 @@ impl Process for WaypointGenerator {
             Ok(goal) => goal,
             Err(why) => {
                 self.halt_planners(ports, cx);
-                send_none(ports, params, cx);
-                return cx.error(why);
+                return self.stand(ports, params, why, cx);
             }
         };
         let registration = cx.latest(&ports.registration);
@@ -248,19 +270,20 @@ impl Process for WaypointGenerator {
         };
         let local = global_from_local.inverse() * goal.extend(0.0);
         let local = DVec2::new(local.x, local.y);
-        self.see_slide(local, params);
-        if let Some(why) = self.doubt(local, params) {
-            send_none(ports, params, cx);
-            return cx.error(why);
-        }
-        self.command(ports, params, &Target { stated, goal, local, local_from_route }, cx);
-        if let Some(why) = &self.forbidden {
-            send_none(ports, params, cx);
-            return cx.error(why.clone());
-        }
-        self.send_route(ports, params, goal, cx);
         let global_from_route = local_from_route.map_or(Pose::IDENTITY, |pose| global_from_local * pose);
         self.send_slips(ports, params, &global_from_route, cx);
+        self.see_slide(&global_from_local, params);
+        if let Some(why) = self.doubt(&global_from_local, params) {
+            return self.stand(ports, params, why, cx);
+        }
+        self.command(ports, params, &Target { stated, goal, local, local_from_route }, cx);
+        if let Some(why) = self.forbidden.clone() {
+            return self.stand(ports, params, why, cx);
+        }
+        if std::mem::take(&mut self.is_standing) {
+            ports.children.order_follower(Order::Run, cx);
+        }
+        self.send_route(ports, params, goal, cx);
         let age_s = cx.now().seconds_since(at);
         let mut note = self.search.as_ref().map_or(String::new(), GoalSearch::note);
         if age_s > params.transform_timeout_s {
@@ -297,30 +320,25 @@ impl WaypointGenerator {
         let local_from_route = local_from_route.unwrap_or_else(|| global_from_local.inverse());
         // Where the route of the run before ends, if it ends at the goal.
         let route_end = (local_from_route * stated.extend(0.0)).truncate();
-        let goal_moved = moved_m(self.told, local) > params.resend_m
+        let told = self.obeyed_goal();
+        let goal_moved = moved_m(told, local) > params.resend_m
             || moved_m(self.route_told, route_end) > params.resend_m;
         // Small motions of the goal are not told.
-        let local = self.told.filter(|_| !goal_moved).map_or(local, DVec2::from);
+        let local = told.filter(|_| !goal_moved).map_or(local, DVec2::from);
         let near = self.near_goal(local, &global_from_local, self.lookahead_m(params));
         let is_led_no_more = near == local && self.is_led();
         if !goal_moved && !is_led_no_more && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
             return;
         }
-        match self.allowed(params, goal) {
-            Ok(zones) => {
-                self.zones = zones;
-                self.forbidden = None;
-            }
-            Err(why) => {
-                self.halt_planners(ports, cx);
-                self.forbidden = Some(why);
-                return;
-            }
-        }
+        let zones = match self.allowed(params, goal) {
+            Ok(zones) => zones,
+            Err(why) => return self.forbid(ports, why, cx),
+        };
         if self.is_halted {
             // The next cycle tells them the goal.
             ports.children.run_planners(cx);
             self.is_halted = false;
+            self.forbidden = None;
             return;
         }
         let route = self.remembered(params, stated, &local_from_route);
@@ -330,20 +348,24 @@ impl WaypointGenerator {
         let slips = self.slips_before(params, &(global_from_local * local_from_route)).unwrap_or_default();
         let barred = in_local(self.barred.iter().chain(&slips), &global_from_local);
         let local_from_global = global_from_local.inverse();
-        let zones = self.zones.moved(|at| (local_from_global * at.extend(0.0)).truncate());
-        let area = zones.area.as_ref().map(corners).unwrap_or_default();
-        let keep_out: Vec<_> =
-            zones.keep_out.iter().map(|zone| PlanZone { corners: corners(zone) }).collect();
-        let order = |to: DVec2| {
-            let (route, barred) = (route.clone(), barred.clone());
-            let (area, keep_out) = (area.clone(), keep_out.clone());
-            PlannerCommand::PlanTo(PlannerGoal { x_m: to.x, y_m: to.y, route, barred, area, keep_out })
-        };
+        let obeyed = zones.moved(|at| (local_from_global * at.extend(0.0)).truncate());
+        let area = obeyed.area.as_ref().map(corners).unwrap_or_default();
+        let keep_out = obeyed.keep_out.iter().map(|zone| PlanZone { corners: corners(zone) }).collect();
+        let to = |at: DVec2, order: &PlannerGoal| PlannerGoal { x_m: at.x, y_m: at.y, ..order.clone() };
+        let order = to(local, &PlannerGoal { route, barred, area, keep_out, ..PlannerGoal::default() });
+        // The planners would refuse it, and go on to the goal before.
+        if let Err(error) = check_typed(&order) {
+            return self.forbid(ports, format!("the planners cannot be told: {error}: stands"), cx);
+        }
+        (self.zones, self.forbidden) = (zones, None);
+        let order = |at: DVec2| PlannerCommand::PlanTo(to(at, &order));
         cx.send(&ports.children.planner, order(near));
         self.near_told = Some((near.x, near.y));
         if goal_moved {
             cx.send(&ports.children.far_planner, order(local));
             self.told = Some((local.x, local.y));
+            let global = (global_from_local * local.extend(0.0)).truncate();
+            (self.told_global, self.is_to_tell) = (global.into(), false);
             self.route_told = Some((route_end.x, route_end.y));
             let now = cx.now();
             let pose = Some(pose_message(&Pose::from_translation(local.extend(0.0))));
@@ -362,9 +384,43 @@ impl WaypointGenerator {
         self.told = None;
     }
 
-    /// Why the vehicle should not drive to where the goal now is in the local frame, m.
-    fn doubt(&self, local: DVec2, params: &WaypointGeneratorParams) -> Option<String> {
-        let by_m = self.told.map_or(0.0, |told| local.distance(DVec2::from(told)));
+    /// The goal is not driven to.
+    fn forbid(&mut self, ports: &Ports, why: String, cx: &mut Cycle<'_>) {
+        self.halt_planners(ports, cx);
+        self.forbidden = Some(why);
+    }
+
+    /// The vehicle stands, and nothing below drives on.
+    fn stand(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        why: String,
+        cx: &mut Cycle<'_>,
+    ) {
+        if !std::mem::replace(&mut self.is_standing, true) {
+            ports.children.order_follower(Order::Halt, cx);
+            // It forgets the goal.
+            self.is_to_tell = true;
+        }
+        send_none(ports, params, cx);
+        cx.error(why);
+    }
+
+    /// The goal that the planners were told, local frame, m; `None` if they are to be told anew.
+    fn obeyed_goal(&self) -> Option<(f64, f64)> {
+        self.told.filter(|_| !self.is_to_tell)
+    }
+
+    /// How far the goal that the planners were told has moved in the local frame, because that has moved, m.
+    fn jumped_m(&self, global_from_local: &Pose) -> f64 {
+        let now = global_from_local.inverse() * DVec2::from(self.told_global).extend(0.0);
+        self.told.map_or(0.0, |told| now.truncate().distance(DVec2::from(told)))
+    }
+
+    /// Why the vehicle should not drive on.
+    fn doubt(&self, global_from_local: &Pose, params: &WaypointGeneratorParams) -> Option<String> {
+        let by_m = self.jumped_m(global_from_local);
         if by_m > params.jump_m {
             return Some(format!(
                 "the goal has jumped by {by_m:.1} m in the local frame: stands until it is back, RUN or GO_TO"
@@ -405,6 +461,10 @@ fn send_waypoints(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycl
         Ok(points) => points,
         Err(why) => return cx.fault(format!("path: {why}; skipped")),
     };
+    let length_m = route::length_m(&points);
+    if length_m > MOST_PATH_M {
+        return cx.fault(format!("path: it is {length_m:.0} m long, expected at most {MOST_PATH_M} m; skipped"));
+    }
     let waypoints = spaced(&points, params.spacing_m);
     let pose = |&at: &DVec2| pose_message(&Pose::from_xy_yaw(at.x, at.y, 0.0));
     let message = PosesInFrame {

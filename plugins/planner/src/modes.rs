@@ -282,6 +282,11 @@ impl Table {
                         "{signal}: expected either at_least or at_most, a finite number"
                     ));
                 }
+                let for_s = condition.for_s;
+                if !(0.0..=600.0).contains(&for_s) {
+                    let signal = condition.signal.name();
+                    return refused(format!("{signal}: for_s is {for_s}, expected 0 to 600"));
+                }
             }
             let numbers = [
                 mode.max_speed_mps.unwrap_or(0.5),

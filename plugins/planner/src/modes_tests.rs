@@ -82,6 +82,10 @@ fn tables_that_cannot_work_are_refused() {
         (row(&format!("{enter}exit = []")), "mode \"A\": expected at least one condition"),
         (row(&format!("{enter}exit = [{{ signal = 'slip' }}]")), "mode \"A\": slip: expected either"),
         (row(&format!("{enter}exit = [{{ signal = 'slip', at_most = nan }}]")), "mode \"A\": slip: expected"),
+        (
+            row(&format!("{enter}exit = [{{ signal = 'mode_s', at_least = 1.0, for_s = nan }}]")),
+            "mode \"A\": mode_s: for_s is NaN, expected 0 to 600",
+        ),
         (row(&format!("{enter}exit = [{{ signal = 'luck', at_most = 1.0 }}]")), "line 6, "),
         (row(&format!("{enter}{exit}max_speed_mps = -1.0")), "mode \"A\": expected speeds"),
         (row(&format!("{enter}{exit}arcs_per_side = 0")), "mode \"A\": arcs_per_side"),

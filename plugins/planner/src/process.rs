@@ -154,7 +154,7 @@ impl Process for AStarPlanner {
                 return self.stop(ports, params, format!("pose: {error}"), cx);
             }
         };
-        let age_s = now.seconds_since(map.acq_time());
+        let age_s = now.seconds_since(map.acq_time_on_arrival());
         if age_s > params.map_timeout_s {
             let limit_s = params.map_timeout_s;
             self.planned = None;

@@ -17,6 +17,8 @@ use rcs_sense::pose_of;
 const FORMAT: u32 = 1;
 /// Greatest number of points of a route.
 const MOST_POINTS: usize = 20_000;
+/// Greatest distance of what is remembered from the origin of the global frame, m: planners take coordinates up to 1000 km.
+pub(crate) const MOST_M: f64 = 900_000.0;
 /// How far ahead of the end of a route the goal is taken to be, m: a run ends where the vehicle comes near to the goal, with
 /// the goal ahead of it.
 const AHEAD_M: f64 = 0.75;
@@ -45,6 +47,12 @@ pub enum RouteError {
         got: u32,
         /// Zone of the origin.
         expected: u8,
+    },
+    /// A point lies so far away that the planners cannot be told of it.
+    #[error("a point lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m")]
+    Far {
+        /// Distance, m.
+        distance_m: f64,
     },
     /// The route leads elsewhere.
     #[error("the route ends {distance_m:.1} m from the goal, expected at most {within_m} m")]
@@ -99,18 +107,26 @@ pub fn finish(points: &[DVec2]) -> Option<DVec2> {
     Some(end + (end - *before).try_normalize()? * AHEAD_M)
 }
 
-/// The route of a way in the global frame with this origin, which is left of `driven_m`.
+/// The route of a way in the global frame with this origin, which is left of `driven_m`. One that has too many points is
+/// thinned evenly, with both ends.
 pub fn to_message(way: &[DVec2], driven_m: f64, origin: &Utm, time_s: f64) -> Route {
     let point =
         |at: &DVec2| RoutePoint { easting_m: origin.easting_m + at.x, northing_m: origin.northing_m + at.y };
     Route {
         format: FORMAT,
         zone: u32::from(origin.zone),
-        points: way.iter().map(point).collect(),
+        points: thinned(way).map(point).collect(),
         length_m: length_m(way),
         cut_m: driven_m - length_m(way),
         time_s,
     }
+}
+
+/// At most [`MOST_POINTS`] points of a way.
+fn thinned(way: &[DVec2]) -> impl Iterator<Item = &DVec2> {
+    let every = way.len().div_ceil(MOST_POINTS - 1).max(1);
+    let end = way.last().filter(|_| !way.len().saturating_sub(1).is_multiple_of(every));
+    way.iter().step_by(every).chain(end)
 }
 
 /// The route in a text; `None` for an empty one.
@@ -140,6 +156,9 @@ pub fn in_global(route: &Route, origin: &Utm, goal: DVec2, within_m: f64) -> Res
         goal.in_global(origin).unwrap_or(DVec2::ZERO)
     };
     let points: Vec<DVec2> = route.points.iter().map(global).collect();
+    if let Some(far) = points.iter().find(|point| point.length() > MOST_M) {
+        return Err(RouteError::Far { distance_m: far.length() });
+    }
     let distance_m = points.last().map_or(f64::INFINITY, |end| end.distance(goal));
     if distance_m > within_m {
         return Err(RouteError::Goal { distance_m, within_m });
@@ -190,6 +209,10 @@ mod tests {
         let told = |result: Result<Vec<DVec2>, RouteError>| result.unwrap_err().to_string();
         let elsewhere = in_global(&route, &origin, DVec2::new(40.0, 0.0), 3.0);
         assert!(told(elsewhere).starts_with("the route ends 30."));
+        let mut far = route.clone();
+        far.points[1] = RoutePoint::default();
+        let far = in_global(&far, &origin, DVec2::new(10.0, 0.0), 3.0);
+        assert!(told(far).starts_with("a point lies 43"), "a point without coordinates");
         let zone = in_global(&Route { zone: 17, ..route.clone() }, &origin, DVec2::ZERO, 3.0);
         assert!(told(zone).starts_with("the route is in UTM zone 17"));
         for (route, expected) in [
@@ -200,6 +223,21 @@ mod tests {
             assert!(parse(&text).unwrap_err().to_string().starts_with(expected), "{text}");
         }
         assert!(matches!(parse("{"), Err(RouteError::Text(_))));
+    }
+
+    #[test]
+    fn a_way_of_too_many_points_is_thinned_to_a_route_that_can_be_read() {
+        let origin = Utm::new(18, true, 300_000.0, 4_000_000.0).unwrap();
+        for count in [2, MOST_POINTS - 1, MOST_POINTS, MOST_POINTS + 1, 2 * MOST_POINTS, 50_001] {
+            let way: Vec<DVec2> = (0..count).map(|at| DVec2::new(0.5 * at as f64, 0.0)).collect();
+            let route = to_message(&way, 0.0, &origin, 1.0);
+            let (read, kept) = (route.points.len(), count.min(MOST_POINTS / 2));
+            assert!((kept..=MOST_POINTS).contains(&read), "{read} of {count}");
+            let end_m = route.points[read - 1].easting_m - origin.easting_m;
+            assert!((end_m - 0.5 * (count - 1) as f64).abs() < 1e-6, "{count}");
+            let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(route)).unwrap();
+            assert!(parse(&text).is_ok(), "{count}");
+        }
     }
 
     #[test]

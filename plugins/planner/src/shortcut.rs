@@ -27,6 +27,9 @@ const BESIDE_M: f64 = 0.5;
 /// Least distance of a cut from what is in the way, m: holes of a fence that are narrower than twice this are no way.
 const ROOM_M: f64 = 1.0;
 
+/// Longest step of a track that was driven, m; a longer one is a wrong position.
+const LONGEST_STEP_M: f64 = 20.0;
+
 /// Length that is driven between two cuts, m.
 const STEP_M: f64 = 10.0;
 
@@ -163,7 +166,8 @@ fn costs(driven: &[WayPoint], sensed: &Sensed, barred: &[BarredPlace]) -> Option
         let at = DVec2::new(place.x_m, place.y_m);
         around(sensed, at, place.radius_m, |place, _| cells[sensed.index(place)] = BLOCKED);
     }
-    for pair in driven.windows(2) {
+    let is_driven = |pair: &&[WayPoint]| pair[0].local.distance(pair[1].local) <= LONGEST_STEP_M;
+    for pair in driven.windows(2).filter(is_driven) {
         let steps =
             (pair[0].local.distance(pair[1].local) / (0.5 * sensed.cell_size_m)).ceil().max(1.0) as u32;
         for step in 0..=steps {

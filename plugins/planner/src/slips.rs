@@ -6,6 +6,7 @@
 //! other way. It is forgotten by a run that has driven over it.
 
 use crate::barred::Barred;
+use crate::route::MOST_M;
 use crate::proto::{SlipMemory, SlipPlace};
 use rcs_geom::{DVec2, Utm};
 
@@ -33,6 +34,12 @@ pub enum SlipsError {
     Places {
         /// Number of places.
         count: usize,
+    },
+    /// A place lies so far away that the planners cannot be told of it.
+    #[error("a place lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m")]
+    Far {
+        /// Distance, m.
+        distance_m: f64,
     },
     /// The places are in another zone than the global frame.
     #[error("the places are in UTM zone {got}, expected zone {expected} of the global frame's origin")]
@@ -84,7 +91,12 @@ pub fn in_global(slips: &SlipMemory, origin: &Utm) -> Result<Vec<Barred>, SlipsE
         let at = origin.offset_to(place.easting_m, place.northing_m).into();
         Barred { at, radius_m: place.radius_m, slipped: true }
     };
-    Ok(slips.places.iter().map(global).collect())
+    let places: Vec<Barred> = slips.places.iter().map(global).collect();
+    let away_m = |place: &Barred| DVec2::from(place.at).length();
+    match places.iter().map(away_m).find(|&distance_m| distance_m > MOST_M) {
+        Some(distance_m) => Err(SlipsError::Far { distance_m }),
+        None => Ok(places),
+    }
 }
 
 /// Distance from a place where wheels slipped over some metres within which a route has no points, m.

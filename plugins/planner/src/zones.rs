@@ -112,26 +112,29 @@ impl Zones {
     }
 
     /// The zones of a goal file in the global frame with this origin, m; without an area there, the bounds of the world
-    /// file less a margin.
+    /// file less a margin. An error says in which file.
     pub fn from_toml(goal: &str, world: &str, origin: &Utm, margin_m: f64) -> Result<Zones, String> {
         let parse = |text: &str| toml::from_str::<toml::Table>(text).map_err(|error| error.to_string());
-        let file = parse(goal)?;
+        let in_goal = |error: String| format!("goal: {error}");
+        let file = parse(goal).map_err(in_goal)?;
         let in_global = |place: DVec2| place - DVec2::new(origin.easting_m, origin.northing_m);
         let polygon = |key: &str, value: &toml::Value| {
             let corners = points(value).ok_or_else(|| format!("{key}: expected [[easting, northing], …]"))?;
             Polygon::new(corners.into_iter().map(in_global)).map_err(|error| format!("{key}: {error}"))
         };
-        let area = file.get("area").map(|value| polygon("area", value)).transpose()?;
+        let area = file.get("area").map(|value| polygon("area", value)).transpose().map_err(in_goal)?;
         let keep_out = match file.get("keep_out") {
             None => Vec::new(),
             Some(toml::Value::Array(zones)) if zones.len() <= MOST => {
-                zones.iter().map(|zone| polygon("keep_out", zone)).collect::<Result<_, _>>()?
+                let zones = zones.iter().map(|zone| polygon("keep_out", zone));
+                zones.collect::<Result<_, _>>().map_err(in_goal)?
             }
-            Some(_) => return Err(format!("keep_out: expected a list of at most {MOST} polygons")),
+            Some(_) => return Err(format!("goal: keep_out: expected a list of at most {MOST} polygons")),
         };
+        let bounds = || parse(world).and_then(|world| bounds(&world, margin_m));
         let area = match area {
             Some(area) => Some(area),
-            None => bounds(&parse(world)?, margin_m),
+            None => bounds().map_err(|error| format!("world: {error}"))?,
         };
         Ok(Zones { area, keep_out })
     }
@@ -142,14 +145,19 @@ fn is_inside(crossings: impl Iterator<Item = f64>, x: f64) -> bool {
     crossings.filter(|&at| x < at).count() % 2 == 1
 }
 
-/// The area within the bounds of a world file, m; `None` if it states none, or the margin leaves nothing.
-fn bounds(world: &toml::Table, margin_m: f64) -> Option<Polygon> {
-    let corners = points(world.get("bounds_m")?)?;
-    let [low, high] = corners[..] else { return None };
-    let (low, high) = (low + margin_m, high - margin_m);
-    let is_empty = low.x >= high.x || low.y >= high.y;
+/// The area within the bounds of a world file less a margin, m; `None` if it states none.
+fn bounds(world: &toml::Table, margin_m: f64) -> Result<Option<Polygon>, String> {
+    let Some(value) = world.get("bounds_m") else { return Ok(None) };
+    let corners = points(value).filter(|corners| corners.iter().all(|corner| corner.is_finite()));
+    let Some([low, high]) = corners.as_deref() else {
+        return Err(format!("bounds_m is {value}, expected [[x, y], [x, y]], the lowest and the highest, m"));
+    };
+    let (low, high) = (*low + margin_m, *high - margin_m);
+    if low.x >= high.x || low.y >= high.y {
+        return Err(format!("bounds_m is {value}, which leaves nothing within a margin of {margin_m} m"));
+    }
     let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
-    Polygon::new(corners).ok().filter(|_| !is_empty)
+    Polygon::new(corners).map(Some)
 }
 
 /// A list of pairs of numbers.
@@ -213,14 +221,21 @@ mod tests {
         assert!(named.area.unwrap().contains(DVec2::new(2.0, 2.0)) && named.keep_out.len() == 1);
         assert_eq!(Zones::from_toml("", "", &origin, 1.0), Ok(Zones::default()));
         for (goal, expected) in [
-            ("area = 3", "area: expected [["),
-            ("area = [[1, 2], [3, 4]]", "area: a polygon has 2 corners"),
-            ("area = [[1, 2], [3, 4], [nan, 1]]", "area: a corner"),
-            ("keep_out = [[1, 2]]", "keep_out: expected [["),
-            ("keep_out = 'x'", "keep_out: expected a list"),
+            ("area = 3", "goal: area: expected [["),
+            ("area = [[1, 2], [3, 4]]", "goal: area: a polygon has 2 corners"),
+            ("area = [[1, 2], [3, 4], [nan, 1]]", "goal: area: a corner"),
+            ("keep_out = [[1, 2]]", "goal: keep_out: expected [["),
+            ("keep_out = 'x'", "goal: keep_out: expected a list"),
         ] {
             let error = zones(goal).unwrap_err();
             assert!(error.starts_with(expected), "{goal}: {error}");
         }
+        // Bounds that cannot be read are not none.
+        for bounds in ["'x'", "[[0, 0], [1, 2], [3, 4]]", "[[0, 0], [nan, 90]]"] {
+            let error = Zones::from_toml("", &format!("bounds_m = {bounds}"), &origin, 1.0).unwrap_err();
+            assert!(error.starts_with("world: bounds_m is ") && error.contains("expected [["), "{error}");
+        }
+        let error = Zones::from_toml("", world, &origin, 50.0).unwrap_err();
+        assert!(error.ends_with("which leaves nothing within a margin of 50 m"), "{error}");
     }
 }

@@ -42,6 +42,14 @@ pub enum MemoryError {
         /// Size of a cell, m.
         cell_size_m: f64,
     },
+    /// A cell has a cost that does not exist.
+    #[error("cell {cell} has the cost {cost}, expected 0 to {MAX_COST}, or {UNKNOWN_COST} for unknown")]
+    Cost {
+        /// Index of the cell.
+        cell: usize,
+        /// Its cost.
+        cost: u8,
+    },
     /// The corner is nowhere in a UTM zone.
     #[error(
         "the corner is at easting {easting_m} m and northing {northing_m} m, expected 0 to {MOST_EASTING_M} m and {LEAST_NORTHING_M} to {MOST_NORTHING_M} m"
@@ -83,6 +91,10 @@ pub fn parse(text: &str) -> Result<Option<MapMemory>, MemoryError> {
     let is_full = columns > 0 && cells > 0 && cells.is_multiple_of(columns as usize) && cells <= MOST_CELLS;
     if !(is_full && (0.01..=100.0).contains(&cell_size_m)) {
         return Err(MemoryError::Cells { cells, columns, cell_size_m });
+    }
+    let no_cost = |cost: u8| cost > MAX_COST && cost != UNKNOWN_COST;
+    if let Some((cell, &cost)) = map.costs.iter().enumerate().find(|(_, cost)| no_cost(**cost)) {
+        return Err(MemoryError::Cost { cell, cost });
     }
     let (easting_m, northing_m) = (map.easting_m, map.northing_m);
     let is_in_zone = (0.0..=MOST_EASTING_M).contains(&easting_m)

@@ -16,9 +16,11 @@ use rcs_sense::{GridFrame, Localizer, Origin, fingerprint_of_texts, pose_of};
 use rcs_world::{GridView, fuse_grid};
 use serde::{Deserialize, Serialize};
 
-/// Distance between the points of the track, m, and their greatest number.
+/// Distance between the points of the track, m, and their greatest number. A point farther away must be followed by one
+/// near it: a single wrong pose would make the map too large to be saved.
 const TRACK_STEP_M: f64 = 2.0;
 const MOST_TRACK: usize = 5000;
+const LEAP_M: f64 = 50.0;
 /// Support that a metre of motion from where the position estimate puts the remembered map must gain.
 const WORTH: f64 = 0.05;
 /// Length of the track along which what is sensed is compared, in points: so far the local frame is one frame, and a map
@@ -45,6 +47,8 @@ pub struct MapMemoryKeeper {
     no_way: Option<Stamp>,
     /// Where the vehicle was, local frame, m.
     track: Vec<DVec2>,
+    /// Where it was in the cycle before, if that is far from the track, m.
+    leapt: Option<DVec2>,
     /// Where the remembered map lies; `None` while it is not believed.
     placed: Option<Placed>,
     /// Where it lay when it was believed last; `None` once it is dropped.
@@ -276,8 +280,11 @@ impl MapMemoryKeeper {
     }
 
     fn take_position(&mut self, vehicle: DVec2) {
+        let is_near = |place: &DVec2| place.distance(vehicle) <= LEAP_M;
+        let follows = self.track.last().is_none_or(is_near) || self.leapt.as_ref().is_some_and(is_near);
+        self.leapt = (!follows).then_some(vehicle);
         let step_m = self.track.last().map_or(f64::INFINITY, |last| last.distance(vehicle));
-        if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
+        if follows && step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
             self.track.push(vehicle);
         }
     }

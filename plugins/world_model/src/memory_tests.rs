@@ -46,6 +46,8 @@ fn a_file_that_is_no_map_or_of_another_version_or_place_is_refused() {
     );
     assert!(error(|map| map.cell_size_m = 0.0).contains("of 0 m"));
     assert!(error(|map| map.costs.clear()).starts_with("0 cells"));
+    let cost = |map: &mut MapMemory| map.costs = [vec![255, 250, 251], vec![0; 2497]].concat().into();
+    assert_eq!(error(cost), "cell 2 has the cost 251, expected 0 to 250, or 255 for unknown");
     let bounds = " m, expected 0 to 1000000 m and -100000 to 10100000 m";
     for (error, easting) in [
         (error(|map| map.easting_m = f64::NAN), "NaN"),

@@ -205,8 +205,8 @@ impl WorldModel {
         let Some(message) = cx.read_newest(&ports.weights) else { return };
         let learned = message.weights.iter().map(|entry| {
             let source = Source::new(&entry.source).map_err(|error| error.to_string())?;
-            if !(entry.weight.is_finite() && entry.weight >= 0.0) {
-                return Err(format!("weight of {source} is {}, expected a number from 0 up", entry.weight));
+            if !(0.0..=1.0).contains(&entry.weight) {
+                return Err(format!("weight of {source} is {}, expected 0 to 1", entry.weight));
             }
             Ok((source, entry.weight as f32, entry.given as f32))
         });
@@ -238,7 +238,8 @@ impl WorldModel {
             Some(VoteOrigin {
                 source,
                 sequence: grid.header().sequence as u32,
-                time: grid.acq_time(),
+                // A time from the future would make the source look new until then.
+                time: grid.acq_time().min(now),
                 rule: listed.rule(source)?,
                 least_backing: listed.least_backing(source),
                 height_tolerance_m: params.height_tolerance_m as f32,

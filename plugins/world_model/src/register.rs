@@ -27,6 +27,12 @@ const MOST_TURN_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 /// Distance from the vehicle at which a turn counts as a motion, m.
 const LEVER_M: f64 = 20.0;
 
+/// Cells of each kind that are compared at most, evenly chosen, and number of steps by which a map is moved at most in each
+/// direction, which are at least this long, m: cells of a centimetre would take minutes.
+const MOST_COMPARED: usize = 40_000;
+const MOST_STEPS: f64 = 50.0;
+const LEAST_STEP_M: f64 = 0.2;
+
 /// What is sensed near the vehicle and its track: positions, m.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seen {
@@ -52,6 +58,8 @@ impl Seen {
                 seen.ground.push(centre);
             }
         }
+        thin(&mut seen.obstacles);
+        thin(&mut seen.ground);
         seen
     }
 
@@ -60,6 +68,14 @@ impl Seen {
     pub fn placed(&self, to_frame: impl Fn(DVec2) -> DVec2) -> Seen {
         let placed = |places: &[DVec2]| places.iter().map(|&at| to_frame(at)).collect();
         Seen { obstacles: placed(&self.obstacles), ground: placed(&self.ground) }
+    }
+}
+
+/// Leaves so many places that they can be compared.
+fn thin(places: &mut Vec<DVec2>) {
+    let every = places.len().div_ceil(MOST_COMPARED);
+    if every > 1 {
+        *places = places.iter().copied().step_by(every).collect();
     }
 }
 
@@ -177,7 +193,7 @@ impl Remembered {
         }
     }
 
-    /// The best fit if it is moved by whole cells, up to a distance east and north from a place, m. A metre of motion from
+    /// The best fit if it is moved by whole cells (several where they are small), up to a distance east and north from a place, m. A metre of motion from
     /// there must gain this much support; of fits that are as good, the one that moves it least counts. `None` if fewer
     /// cells than `least` can be compared.
     pub fn register(
@@ -189,8 +205,10 @@ impl Remembered {
         least: usize,
     ) -> Option<Fit> {
         let cell_size_m = self.map.cell_size_m;
-        let steps = (within_m / cell_size_m).floor() as i32;
-        let shifts = (-steps..=steps).flat_map(|north| (-steps..=steps).map(move |east| [east, north]));
+        let cells = (LEAST_STEP_M.max(within_m / MOST_STEPS) / cell_size_m * (1.0 - 1e-9)).ceil().max(1.0);
+        let steps = (within_m / (cell_size_m * cells)).floor() as i32;
+        let steps = move || (-steps..=steps).map(move |step| step * cells as i32);
+        let shifts = steps().flat_map(|north| steps().map(move |east| [east, north]));
         let worth = |fit: &Fit| fit.support - worth_of_metre * fit.moved.distance(from);
         let (obstacles, ground) = (self.cells(&seen.obstacles, from), self.cells(&seen.ground, from));
         let fit = |[east, north]: [i32; 2]| {

@@ -21,6 +21,24 @@ fn a_map_that_lies_beside_the_ground_is_moved_onto_it() {
 }
 
 #[test]
+fn a_map_of_small_cells_is_moved_by_several_at_a_time() {
+    let wall = |corner: DVec2| {
+        let mut map = Rectangle::around(&[DVec2::ZERO], 8.0, 0.02).unwrap();
+        for index in 0..map.costs.len() {
+            let from_corner = map.centre(index) - corner;
+            let is_wall = from_corner.min_element() >= 0.0 && from_corner.min_element() < 1.0;
+            map.costs[index] = if is_wall { 250 } else { 0 };
+        }
+        map
+    };
+    let moved = DVec2::new(0.8, -0.4);
+    let seen = seen(&wall(DVec2::ZERO));
+    assert!(seen.obstacles.len() <= MOST_COMPARED && seen.ground.len() <= MOST_COMPARED);
+    let fit = Remembered::new(wall(-moved)).register(&seen, DVec2::ZERO, 2.0, 0.02, 30).unwrap();
+    assert!(fit.moved.abs_diff_eq(moved, 1e-9) && fit.agreement > 0.99, "{fit:?}");
+}
+
+#[test]
 fn of_two_parallel_walls_one_does_not_lie_on_the_other() {
     // A corridor 2.4 m wide that is remembered only as far as its walls.
     let corridor = |south: f64| {

@@ -175,7 +175,7 @@ fn learned_weights_count_until_the_parameters_change_and_wrong_ones_are_refused(
     assert_eq!(cost(&mut bench, Some([0.25, 0.5])), 50.0);
     assert_eq!(bench.faults("wm1"), (0, String::new()));
     assert_eq!(cost(&mut bench, Some([-1.0, 0.5])), 50.0, "those before go on");
-    let why = "weights: weight of radar is -1, expected a number from 0 up; skipped";
+    let why = "weights: weight of radar is -1, expected 0 to 1; skipped";
     assert_eq!(bench.faults("wm1"), (1, why.to_owned()));
     assert_eq!(cost(&mut bench, Some([0.25, 0.4])), 83.0, "learned from other parameters");
     assert_eq!(cost(&mut bench, Some([0.25, 0.5])), 50.0);

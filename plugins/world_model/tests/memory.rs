@@ -350,6 +350,18 @@ fn a_map_that_is_too_large_to_save_is_reported_and_saved_once_it_can_be() {
 }
 
 #[test]
+fn one_pose_far_away_does_not_keep_the_map_from_being_saved() {
+    let mut bench = start_with(STACK, &[("memory.save_every_s", "3600")]);
+    look(&mut bench, DVec2::ZERO, 4.0, |_| 0, 20);
+    look(&mut bench, DVec2::splat(1e5), 4.0, |_| 0, 1);
+    look(&mut bench, DVec2::X, 4.0, |_| 0, 20);
+    say(&mut bench, "memory", &MapMemoryCommand::Save);
+    look(&mut bench, DVec2::X, 4.0, |_| 0, 20);
+    assert_eq!(text(&bench), "nothing is remembered; saves the map");
+    assert_eq!(bench.sent("/memory/memory"), 2);
+}
+
+#[test]
 fn a_map_that_was_lost_must_fit_for_as_many_messages_in_turn_again() {
     let mut bench = start(&first_run());
     look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);

@@ -7,6 +7,7 @@ use crate::assets::read_text;
 use crate::runs::{self, Stop};
 use crate::usage;
 use anyhow::Context as _;
+use rcs_bus::Sample;
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use rcs_runtime::{ExternalEvent, Plan, ProcessPlan, Stepped};
 use serde::Deserialize;
@@ -20,11 +21,26 @@ const MOST: usize = 1_000_000;
 pub struct Act {
     /// Nanoseconds from the start of the run.
     pub at_ns: u64,
-    /// What is written.
+    /// What is written. Of parameters: with those of the stack, before the run.
     pub event: ExternalEvent,
+    /// Of parameters, the fields to change; empty for other messages.
+    pub fields: Vec<(String, String)>,
 }
 
 impl Act {
+    /// What is written when the newest message of the buffer is this one: earlier changes of other parameters stay, and so
+    /// does what the run got from the one before.
+    pub(super) fn event_after(&self, newest: Option<Sample>) -> anyhow::Result<ExternalEvent> {
+        let newest = newest.filter(|_| !self.fields.is_empty());
+        Ok(match newest {
+            Some(newest) => {
+                let message = with_fields(&newest.message, &self.fields).map_err(anyhow::Error::msg)?;
+                ExternalEvent { message, ..self.event.clone() }
+            }
+            None => self.event.clone(),
+        })
+    }
+
     /// Name of the action in errors.
     pub(super) fn name(&self) -> String {
         format!("what was to be written to {} at {} s", self.event.buffer, self.at_ns as f64 * 1e-9)
@@ -72,7 +88,9 @@ pub(crate) fn go_to_the_end(
         if !runs::go_to(run, end, at, stop)? {
             return Ok(());
         }
-        run.take(act.event.clone()).with_context(|| act.name())?;
+        let newest = run.buffers().iter().find(|buffer| buffer.name() == &*act.event.buffer);
+        let event = act.event_after(newest.and_then(|buffer| buffer.latest()));
+        event.and_then(|event| Ok(run.take(event)?)).with_context(|| act.name())?;
     }
     runs::go_to(run, end, Stamp::MAX, stop)?;
     Ok(())
@@ -97,12 +115,13 @@ pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
             good.then(|| (value * 1e9).round() as u64)
                 .ok_or_else(|| refused(format!("{what} is {value}; expected seconds from 0 to 1e6")))
         };
-        let event = ExternalEvent::operator(entry.buffer.as_str(), message(&entry, plan).map_err(refused)?);
+        let (message, fields) = message(&entry, plan).map_err(refused)?;
+        let event = ExternalEvent::operator(entry.buffer.as_str(), message);
         let mut at_ns = seconds(entry.at_s, "at_s")?;
         let every_ns = seconds(entry.every_s.unwrap_or(0.0), "every_s")?;
         let until_ns = seconds(entry.until_s.unwrap_or(entry.at_s), "until_s")?;
         loop {
-            acts.push(Act { at_ns, event: event.clone() });
+            acts.push(Act { at_ns, event: event.clone(), fields: fields.clone() });
             at_ns += every_ns;
             if every_ns == 0 || at_ns > until_ns {
                 break;
@@ -116,23 +135,32 @@ pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
     Ok(acts)
 }
 
-fn message(entry: &Entry, plan: &Plan) -> Result<AnyMessage, String> {
+/// The message of an entry, and the fields that it changes if it is of parameters.
+fn message(entry: &Entry, plan: &Plan) -> Result<(AnyMessage, Vec<(String, String)>), String> {
     let name = &entry.buffer;
     let buffer = plan.buffers.iter().find(|buffer| buffer.spec.name == *name);
     let buffer = buffer.ok_or_else(|| format!("there is no buffer {name} in the stack"))?;
     let is_params = |process: &&ProcessPlan| plan.buffers[process.params_buffer].spec.name == *name;
     match plan.processes.iter().find(is_params) {
-        Some(process) => changed(&process.params, &entry.message),
+        Some(process) => {
+            let fields = fields(&entry.message)?;
+            Ok((with_fields(&process.params, &fields)?, fields))
+        }
         None => rcs_msg::from_json_as(&buffer.spec.schema, &entry.message.to_string())
+            .map(|message| (message, Vec::new()))
             .map_err(|error| error.to_string()),
     }
 }
 
-/// A parameter message with the given fields changed.
-fn changed(params: &AnyMessage, fields: &serde_json::Value) -> Result<AnyMessage, String> {
-    let fields = fields.as_object().ok_or("expected an object of fields as the message")?;
+/// The fields of a parameter message and their values, as texts.
+fn fields(message: &serde_json::Value) -> Result<Vec<(String, String)>, String> {
+    let fields = message.as_object().ok_or("expected an object of fields as the message")?;
     let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    let changes: Vec<_> = fields.iter().map(|(field, value)| (field.as_str(), text(value))).collect();
-    params::with_params(params, changes.iter().map(|(field, text)| (*field, text.as_str())))
-        .map_err(|error| error.to_string())
+    Ok(fields.iter().map(|(field, value)| (field.clone(), text(value))).collect())
+}
+
+/// A parameter message with the given fields changed.
+fn with_fields(params: &AnyMessage, fields: &[(String, String)]) -> Result<AnyMessage, String> {
+    let changes = fields.iter().map(|(field, text)| (field.as_str(), text.as_str()));
+    params::with_params(params, changes).map_err(|error| error.to_string())
 }

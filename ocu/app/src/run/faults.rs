@@ -141,6 +141,7 @@ impl Entry {
         let act = |at_ns: u64, change: rcs::Override| Act {
             at_ns,
             event: ExternalEvent::operator(OVERRIDE, AnyMessage::new(change)),
+            fields: Vec::new(),
         };
         Ok([Some(act(from_ns, set)), to_ns.map(|to_ns| act(to_ns, end))].into_iter().flatten().collect())
     }

@@ -94,7 +94,9 @@ fn drive(
         if decided() || recording_error().is_some() {
             break;
         }
-        live.take(act.event.clone()).with_context(|| act.name())?;
+        let newest = live.bus().get(&act.event.buffer).and_then(|buffer| buffer.latest());
+        let event = act.event_after(newest);
+        event.and_then(|event| Ok(live.take(event)?)).with_context(|| act.name())?;
     }
     if recording_error().is_none() {
         wait_until(end_ns);

@@ -56,21 +56,29 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut done = stack.run(seed, recordings.next())?;
     let mut warnings = std::mem::take(&mut done.report.warnings);
     runs.extend(done.verdict.take());
+    let mut outcome = done.report.outcome;
     for more in 1..args.runs {
         if done.failure.is_some() {
             break;
         }
-        let seed = seed + u64::from(more);
+        // What the last report, which is printed, does not say.
+        warnings.extend(done.report.errors().map(|error| format!("run {more}: {error}")));
+        let seed = seed.wrapping_add(more.into());
         memory.add(std::mem::take(&mut done.memory));
-        if let Some(name) = &args.stack {
-            stack.plan = memory.plan(name, args.course.as_deref(), &overrides(args))?;
+        match stack.run_again(&memory, seed, recordings.next()) {
+            Ok(next) => done = next,
+            Err(error) => {
+                done.failure = Some(error.context(format!("run {} of {}", more + 1, args.runs)));
+                break;
+            }
         }
-        done = stack.run(seed, recordings.next())?;
         warnings.extend(done.report.warnings.drain(..).map(|warning| format!("seed {seed}: {warning}")));
         runs.extend(done.verdict.take());
+        outcome = outcome.max(done.report.outcome);
     }
     done.report.runs = runs;
     done.report.warnings = warnings;
+    done.report.outcome = if done.failure.is_some() { Outcome::Error } else { outcome };
     done.print(args, out)
 }
 
@@ -183,6 +191,7 @@ impl Done {
         failure: Option<anyhow::Error>,
         log: Option<&Log>,
         (recording, clock, seed): (Option<Recording>, Instant, u64),
+        is_again: bool,
     ) -> Self {
         let mut failure = failure;
         if let Some(recording) = recording
@@ -190,7 +199,7 @@ impl Done {
         {
             failure.get_or_insert(error.into());
         }
-        if let Err(error) = save(run, args) {
+        if let Err(error) = save(run, args, is_again) {
             failure.get_or_insert(error);
         }
         let outcome = if failure.is_some() { Outcome::Error } else { outcome };
@@ -223,8 +232,20 @@ impl Done {
 }
 
 impl Ready<'_> {
-    /// One run, recorded to a file if there is one.
+    /// The first run, recorded to a file if there is one.
     fn run(&self, seed: u64, recorded: Option<PathBuf>) -> anyhow::Result<Done> {
+        self.run_one(seed, recorded, false)
+    }
+
+    /// One more run, with what those before remember.
+    fn run_again(&mut self, memory: &Memory, seed: u64, recorded: Option<PathBuf>) -> anyhow::Result<Done> {
+        if let Some(name) = &self.args.stack {
+            self.plan = memory.plan(name, self.args.course.as_deref(), &overrides(self.args))?;
+        }
+        self.run_one(seed, recorded, true)
+    }
+
+    fn run_one(&self, seed: u64, recorded: Option<PathBuf>, is_again: bool) -> anyhow::Result<Done> {
         let base = stacks::options();
         let threads = self.args.threads.map_or(base.threads, usize::from);
         let options = RunOptions { seed, threads, hash: true, ..base };
@@ -233,7 +254,8 @@ impl Ready<'_> {
             .context("the stack cannot run")?;
         let recording = recorded.map(|path| record(self.args, &run, &path)).transpose()?;
         let failure = self.to_the_end(&mut run, recording.as_ref()).err();
-        Ok(Done::new(&run, self.args, Outcome::End, failure, self.log.as_ref(), (recording, clock, seed)))
+        let times = (recording, clock, seed);
+        Ok(Done::new(&run, self.args, Outcome::End, failure, self.log.as_ref(), times, is_again))
     }
 
     /// Runs until the recording has no more messages to process, until `--until`, or until the referee of a course has
@@ -244,11 +266,11 @@ impl Ready<'_> {
     }
 }
 
-/// Writes the newest messages of the buffers named by `--save`.
-fn save(run: &Stepped, args: &RunArgs) -> anyhow::Result<()> {
+/// Writes the newest messages of the buffers named by `--save`; those of a run before are replaced.
+fn save(run: &Stepped, args: &RunArgs, is_again: bool) -> anyhow::Result<()> {
     for Save { buffer, path } in &args.save {
         let newest = run.buffers().iter().find(|candidate| candidate.name() == buffer);
-        save_one(newest.and_then(|buffer| buffer.latest()), buffer, path, args.force)?;
+        save_one(newest.and_then(|buffer| buffer.latest()), buffer, path, args.force || is_again)?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `ocu run --replay`: repeats a recorded run and compares it with the recording.
 
-use super::report::{Comparison, Outcome};
+use super::report::{Comparison, LogDamage, Outcome};
 use super::{Done, check_assets, overrides, plan, record};
 use crate::assets::ProgramAssets;
 use crate::cli::RunArgs;
@@ -21,8 +21,8 @@ pub(super) fn run(
     files: Files,
     out: &mut dyn Write,
 ) -> anyhow::Result<Ended> {
-    let recording = Log::open_parts(&parts::of(recording)?)?;
-    let recorded = RecordedRun::read(&recording, rcs_plugins::all())?;
+    let original = Log::open_parts(&parts::of(recording)?)?;
+    let recorded = RecordedRun::read(&original, rcs_plugins::all())?;
     for problem in recorded.problems() {
         tracing::warn!("{problem}");
     }
@@ -50,7 +50,9 @@ pub(super) fn run(
     let comparison = Comparison::new(replay.first());
     let equal = comparison.equal;
     let run = replay.run();
-    let mut done = Done::new(run, args, Outcome::End, failure, log.as_ref(), (recording, clock, seed));
+    let mut done = Done::new(run, args, Outcome::End, failure, log.as_ref(), (recording, clock, seed), false);
+    // Of two damaged recordings, that of the run itself.
+    done.report.log = LogDamage::of(&original).or(done.report.log);
     done.report.runs.extend(done.verdict.take());
     done.report.replay = Some(comparison);
     let ended = done.print(args, out)?;

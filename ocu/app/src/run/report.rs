@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::io::Write;
 
 /// How a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Outcome {
     /// It ended as planned: the recording ended, the course was decided, or the time of `--until` was reached.
@@ -196,6 +196,12 @@ impl Report {
             runs: Vec::new(),
             replay: None,
         }
+    }
+
+    /// The processes that are in `ERROR`, and why.
+    pub(super) fn errors(&self) -> impl Iterator<Item = String> {
+        let failed = self.processes.iter().filter_map(|process| Some((&process.name, process.error.as_ref()?)));
+        failed.map(|(name, error)| format!("{name} is in ERROR: {error}"))
     }
 
     /// Adds the timing of each process of a live run.

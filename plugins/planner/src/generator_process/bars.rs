@@ -39,7 +39,7 @@ impl WaypointGenerator {
         self.no_way = None;
         let Some((global_from_local, _)) = self.global_from_local else { return };
         let Some(at) = self.along_far_path(&global_from_local, params.lookahead_m / 2.0) else { return };
-        let goal_m = self.told.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
+        let goal_m = self.obeyed_goal().map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
         if goal_m > params.no_way_bars_m + 1.0 {
             let place = BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m, slipped: false };
             self.take_barred(Some(&place));
@@ -79,12 +79,12 @@ impl WaypointGenerator {
         let place = Barred { at: (at.x, at.y), ..Barred::from(place) };
         self.barred.push(grown(place, vehicle, &self.barred));
         // The planners are told with the goal.
-        self.told = None;
+        self.is_to_tell = true;
     }
 
-    /// Takes a jump of the goal (local frame, m) that follows from wheels that turned on the spot for what it is.
-    pub(super) fn see_slide(&mut self, local: DVec2, params: &WaypointGeneratorParams) {
-        if self.told.is_none_or(|told| local.distance(DVec2::from(told)) <= params.jump_m) {
+    /// Takes a jump of the goal in the local frame that follows from wheels that turned on the spot for what it is.
+    pub(super) fn see_slide(&mut self, global_from_local: &Pose, params: &WaypointGeneratorParams) {
+        if self.jumped_m(global_from_local) <= params.jump_m {
             return;
         }
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
@@ -139,13 +139,13 @@ impl WaypointGenerator {
             return;
         }
         let Ok(origin) = self.given.origin(params) else { return };
-        let mut places = match self.slips_before(params, global_from_route) {
-            Ok(places) => places,
-            Err(why) => {
-                self.slips_sent = Some(now);
-                return cx.fault(format!("slips: {why}; not used"));
-            }
-        };
+        let before = self.slips_before(params, global_from_route);
+        let refused = before.as_ref().err().map(|why| format!("slips: {why}; not used"));
+        if let Some(why) = refused.as_ref().filter(|why| self.refused_slips.as_ref() != Some(why)) {
+            cx.fault(why.clone());
+        }
+        self.refused_slips = refused;
+        let mut places = before.unwrap_or_default();
         places.extend(self.barred.iter().filter(|place| place.slipped));
         if !places.is_empty() || self.slips_sent.is_some() {
             self.slips_sent = Some(now);

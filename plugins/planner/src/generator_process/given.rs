@@ -3,7 +3,7 @@
 use crate::goal::Goal;
 use crate::proto::{Route, SlipMemory, WaypointGeneratorParams};
 use crate::{route, slips};
-use rcs_sense::Origin;
+use rcs_sense::{Origin, fingerprint_of_texts};
 
 /// What the texts of the parameters say: each is read once.
 #[derive(Clone, Debug, Default)]
@@ -12,6 +12,7 @@ pub(super) struct Given {
     slips: Read<Option<SlipMemory>>,
     world: Read<Option<Result<Origin, String>>>,
     goal: Read<Option<Result<Goal, String>>>,
+    fingerprint: Option<(WaypointGeneratorParams, u64)>,
 }
 
 /// A text, and what was read from it.
@@ -32,6 +33,18 @@ impl<T> Read<T> {
 }
 
 impl Given {
+    /// A fingerprint of all parameters.
+    pub(super) fn fingerprint(&mut self, params: &WaypointGeneratorParams) -> u64 {
+        match &self.fingerprint {
+            Some((known, fingerprint)) if known == params => *fingerprint,
+            _ => {
+                let fingerprint = fingerprint_of_texts(&[&format!("{params:?}")]);
+                self.fingerprint = Some((params.clone(), fingerprint));
+                fingerprint
+            }
+        }
+    }
+
     /// The route of an earlier run; `None` without one.
     pub(super) fn route(&mut self, params: &WaypointGeneratorParams) -> Option<&Route> {
         self.route.of(&params.route, |text| route::parse(text).ok().flatten()).as_ref()

@@ -21,6 +21,8 @@ const FOUND_WITHIN_M: f64 = 3.0;
 const FOUND_SHARE: f64 = 0.55;
 /// The search for the goal begins this near to where it is believed to be, m: the vehicle need not stop there first.
 const SEARCH_FROM_M: f64 = 0.8;
+/// It ends when the vehicle is farther away than this, as after it was driven by hand, m.
+const SEARCH_TO_M: f64 = 10.0;
 
 impl WaypointGenerator {
     /// Reads the operator's mission, and goes on to its next goal. Whether the vehicle has arrived where it was told to drive.
@@ -45,10 +47,12 @@ impl WaypointGenerator {
             // Until the local frame is known, the message waits.
             if let Some(global_from_message) = global_from_message {
                 self.taken = message.header().sequence;
-                self.told = None;
-                self.search = None;
                 match Mission::of(&message, &global_from_message) {
-                    Ok(mission) => self.mission.take(mission),
+                    Ok(mission) => {
+                        self.mission.take(mission);
+                        self.told = None;
+                        self.search = None;
+                    }
                     Err(why) => cx.fault(format!("mission: {why}; not taken")),
                 }
             }
@@ -56,7 +60,7 @@ impl WaypointGenerator {
         // A planner that the operator has halted is done, too.
         let is_there = |child: ChildReport| child.state == ChildState::Done && child.obeys_another.is_none();
         let arrived = cx.child(&ports.children.planner).is_some_and(is_there);
-        let arrived = arrived && !self.is_led() && self.told.is_some();
+        let arrived = arrived && !self.is_led() && self.obeyed_goal().is_some();
         if arrived && self.mission.arrive() {
             self.told = None;
             self.send_driven(ports, params, cx);
@@ -75,7 +79,8 @@ impl WaypointGenerator {
     ) -> DVec2 {
         let within_m = params.found_within_m;
         let is_told = within_m > 0.0 && self.mission.goals.is_none() && self.commanded.is_none();
-        let Some(at) = self.position.map(DVec2::from).filter(|_| is_told) else {
+        let is_near = |at: &DVec2| self.search.is_none() || at.distance(goal) <= SEARCH_TO_M;
+        let Some(at) = self.position.map(DVec2::from).filter(|at| is_told && is_near(at)) else {
             self.search = None;
             return goal;
         };
@@ -89,7 +94,7 @@ impl WaypointGenerator {
             begins
         };
         if has_changed {
-            self.told = None;
+            self.is_to_tell = true;
         }
         self.search.as_ref().and_then(GoalSearch::target).unwrap_or(goal)
     }
@@ -151,6 +156,5 @@ impl WaypointGenerator {
 
 /// The zones of goal file and world file, global frame, m.
 pub(super) fn zones_of_files(params: &WaypointGeneratorParams, origin: &Origin) -> Result<Zones, String> {
-    let zones = Zones::from_toml(&params.goal, &params.world, &origin.0, params.area_margin_m);
-    zones.map_err(|error| format!("goal: {error}"))
+    Zones::from_toml(&params.goal, &params.world, &origin.0, params.area_margin_m)
 }

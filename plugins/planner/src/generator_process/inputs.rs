@@ -5,7 +5,7 @@ use crate::proto::WaypointGeneratorParams;
 use crate::shortcut::WayPoint;
 use rcs_geom::DVec2;
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Odometry, PosesInFrame};
+use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Odometry, PosesInFrame};
 use rcs_runtime::Cycle;
 use rcs_sense::pose_of;
 
@@ -26,7 +26,8 @@ impl WaypointGenerator {
         let mut at = self.global_from_local.map(|(_, at)| at);
         while let Some(message) = cx.read(&ports.transforms) {
             match self.frames.add_transforms(&message, false) {
-                Ok(()) => at = Some(message.acq_time()),
+                Ok(()) if has_frame(&message, &params.local_frame) => at = Some(message.acq_time()),
+                Ok(()) => {}
                 Err(error) => cx.fault(format!("transforms: {error}; skipped")),
             }
         }
@@ -97,6 +98,14 @@ impl WaypointGenerator {
             Err(why) => cx.fault(format!("far_path: {why}; skipped")),
         }
     }
+}
+
+/// Whether a message moves a frame.
+fn has_frame(message: &FrameTransforms, frame: &str) -> bool {
+    let moves = |transform: &FrameTransform| {
+        transform.child_frame_id == frame || transform.parent_frame_id == frame
+    };
+    message.transforms.iter().any(moves)
 }
 
 /// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance; infinite where a

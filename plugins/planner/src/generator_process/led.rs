@@ -14,7 +14,7 @@ const NEARER_S: f64 = 3.0;
 impl WaypointGenerator {
     /// Whether the planner of the near map plans to a point of the far path: it may arrive there.
     pub(super) fn is_led(&self) -> bool {
-        self.near_told != self.told
+        self.near_told != self.obeyed_goal()
     }
 
     /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than

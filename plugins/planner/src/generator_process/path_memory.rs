@@ -73,6 +73,9 @@ impl WaypointGenerator {
         way.push(at);
         let mut way = route::cut(&way, params.same_place_m);
         slips::leave_out(&mut way, &self.slippery);
+        if way.len() < 2 {
+            return;
+        }
         let time_s = now.seconds_since(began);
         self.sent = Some(now);
         cx.write(&ports.route, now, route::to_message(&way, route::length_m(&track), &origin.0, time_s));

@@ -5,6 +5,7 @@
 mod goal;
 mod modes;
 mod slips;
+mod stands;
 
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::packed_element_field::NumericType;

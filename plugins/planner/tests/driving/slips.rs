@@ -54,6 +54,23 @@ fn the_next_run_goes_around_where_the_wheels_slipped_and_hands_it_on() {
 }
 
 #[test]
+fn slips_of_another_zone_do_not_keep_those_of_this_run_from_being_sent() {
+    let slips = first_run().replace("18", "17");
+    let mut bench = start(&[FILES[0], FILES[1], FILES[2], ("generator.slips", &slips)]);
+    for half_metres in 0..=18 {
+        let x_m = f64::from(half_metres) / 2.0;
+        bench.write("/operator/global", global_at(x_m + 2.0));
+        cycle(&mut bench, x_m, 0.0, free, 2);
+    }
+    bench.write("/operator/global", global_at(5.0));
+    place_local_frame(&mut bench, -4.0);
+    cycle(&mut bench, 9.0, 0.0, free, 26);
+    assert_eq!(sent(&bench), Some(vec![(8.5, 3.0)]));
+    let (count, fault) = bench.faults("generator");
+    assert!(count == 1 && fault.contains("UTM zone 17"), "{count}: {fault}");
+}
+
+#[test]
 fn a_place_that_is_driven_over_is_forgotten() {
     let slips = first_run();
     let mut bench = start(&[FILES[0], FILES[1], ("generator.slips", &slips)]);
