@@ -92,7 +92,9 @@ impl Ended {
         if log.and_then(run::LogDamage::of).is_none() {
             return Self::Well;
         }
-        tracing::warn!("the recording is damaged, and the result is of what could be read; ocu check says where");
+        tracing::warn!(
+            "the recording is damaged, and the result is of what could be read; ocu check says where"
+        );
         Self::Damaged
     }
 }

@@ -204,10 +204,10 @@ fn acts_change_the_newest_parameters_and_none_is_done_after_the_course_is_decide
     assert_eq!((&saved["publishHz"], &saved["fadePeriodS"]), (&8.0.into(), &7.0.into()), "{saved}");
     let late = r#"[{"at_s": 235, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}}]"#;
     std::fs::write(&acts, late).unwrap();
-    let done =
-        run(&["run", "--stack", "truth_driver", "--course", "meadow", "--acts", &acts, "--json"], 0);
+    let done = run(&["run", "--stack", "truth_driver", "--course", "meadow", "--acts", &acts, "--json"], 0);
     assert_eq!(done["runs"][0]["outcome"], "reached");
-    let teleop = done["buffers"].as_array().unwrap().iter().find(|buffer| buffer["name"] == "/operator/teleop");
+    let teleop =
+        done["buffers"].as_array().unwrap().iter().find(|buffer| buffer["name"] == "/operator/teleop");
     assert_eq!(teleop.unwrap()["messages"], 0);
 }
 

@@ -28,8 +28,8 @@ use crate::zones::{Polygon, Zones};
 use crate::{route, slips};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::params::check_typed;
 use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFrame};
+use rcs_msg::params::check_typed;
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Localizer, Origin, pose_message};
@@ -321,8 +321,8 @@ impl WaypointGenerator {
         // Where the route of the run before ends, if it ends at the goal.
         let route_end = (local_from_route * stated.extend(0.0)).truncate();
         let told = self.obeyed_goal();
-        let goal_moved = moved_m(told, local) > params.resend_m
-            || moved_m(self.route_told, route_end) > params.resend_m;
+        let goal_moved =
+            moved_m(told, local) > params.resend_m || moved_m(self.route_told, route_end) > params.resend_m;
         // Small motions of the goal are not told.
         let local = told.filter(|_| !goal_moved).map_or(local, DVec2::from);
         let near = self.near_goal(local, &global_from_local, self.lookahead_m(params));
@@ -391,13 +391,7 @@ impl WaypointGenerator {
     }
 
     /// The vehicle stands, and nothing below drives on.
-    fn stand(
-        &mut self,
-        ports: &Ports,
-        params: &WaypointGeneratorParams,
-        why: String,
-        cx: &mut Cycle<'_>,
-    ) {
+    fn stand(&mut self, ports: &Ports, params: &WaypointGeneratorParams, why: String, cx: &mut Cycle<'_>) {
         if !std::mem::replace(&mut self.is_standing, true) {
             ports.children.order_follower(Order::Halt, cx);
             // It forgets the goal.
@@ -463,7 +457,8 @@ fn send_waypoints(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycl
     };
     let length_m = route::length_m(&points);
     if length_m > MOST_PATH_M {
-        return cx.fault(format!("path: it is {length_m:.0} m long, expected at most {MOST_PATH_M} m; skipped"));
+        return cx
+            .fault(format!("path: it is {length_m:.0} m long, expected at most {MOST_PATH_M} m; skipped"));
     }
     let waypoints = spaced(&points, params.spacing_m);
     let pose = |&at: &DVec2| pose_message(&Pose::from_xy_yaw(at.x, at.y, 0.0));

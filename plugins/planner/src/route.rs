@@ -49,7 +49,9 @@ pub enum RouteError {
         expected: u8,
     },
     /// A point lies so far away that the planners cannot be told of it.
-    #[error("a point lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m")]
+    #[error(
+        "a point lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m"
+    )]
     Far {
         /// Distance, m.
         distance_m: f64,

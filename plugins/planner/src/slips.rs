@@ -6,8 +6,8 @@
 //! other way. It is forgotten by a run that has driven over it.
 
 use crate::barred::Barred;
-use crate::route::MOST_M;
 use crate::proto::{SlipMemory, SlipPlace};
+use crate::route::MOST_M;
 use rcs_geom::{DVec2, Utm};
 
 /// Version of the file.
@@ -36,7 +36,9 @@ pub enum SlipsError {
         count: usize,
     },
     /// A place lies so far away that the planners cannot be told of it.
-    #[error("a place lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m")]
+    #[error(
+        "a place lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m"
+    )]
     Far {
         /// Distance, m.
         distance_m: f64,

@@ -9,7 +9,7 @@ use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::{GridView, HeightStats, Map, MapOptions, NumericType, Source, VoteRule, Weights};
 use rcs_world_model::WorldModel;
-use rcs_world_model::proto::{FusionWeight, FusionWeights, WorldModelParams};
+use rcs_world_model::proto::{FusionWeight, FusionWeights, WorldModelParams, WorldModelStats};
 
 const STACK: &str = r#"
 format = 1
@@ -88,6 +88,9 @@ fn a_cost_map_from_the_future_does_not_make_the_map_look_new_for_ever() {
     assert!((200..=bench.now_ms).contains(&time_ms), "{time_ms}");
     bench.cycles(50, 4);
     assert_eq!(map_time_ms(&bench), time_ms);
+    bench.cycles(50, 40);
+    let age_s = bench.latest::<WorldModelStats>("/wm1/stats").source[0].age_s;
+    assert!((2.0..2.6).contains(&age_s), "{age_s}");
 }
 
 #[test]

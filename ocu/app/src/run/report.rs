@@ -200,7 +200,8 @@ impl Report {
 
     /// The processes that are in `ERROR`, and why.
     pub(super) fn errors(&self) -> impl Iterator<Item = String> {
-        let failed = self.processes.iter().filter_map(|process| Some((&process.name, process.error.as_ref()?)));
+        let failed =
+            self.processes.iter().filter_map(|process| Some((&process.name, process.error.as_ref()?)));
         failed.map(|(name, error)| format!("{name} is in ERROR: {error}"))
     }
 

@@ -26,7 +26,7 @@ impl WaypointGenerator {
         let mut at = self.global_from_local.map(|(_, at)| at);
         while let Some(message) = cx.read(&ports.transforms) {
             match self.frames.add_transforms(&message, false) {
-                Ok(()) if has_frame(&message, &params.local_frame) => at = Some(message.acq_time()),
+                Ok(()) if places_local(&message, params) => at = Some(message.acq_time()),
                 Ok(()) => {}
                 Err(error) => cx.fault(format!("transforms: {error}; skipped")),
             }
@@ -100,12 +100,13 @@ impl WaypointGenerator {
     }
 }
 
-/// Whether a message moves a frame.
-fn has_frame(message: &FrameTransforms, frame: &str) -> bool {
-    let moves = |transform: &FrameTransform| {
-        transform.child_frame_id == frame || transform.parent_frame_id == frame
+/// Whether a message says where the local frame is, and not only where the vehicle and its parts are.
+fn places_local(message: &FrameTransforms, params: &WaypointGeneratorParams) -> bool {
+    let places = |transform: &FrameTransform| {
+        let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
+        *child == params.local_frame || (*parent == params.local_frame && *child == params.global_frame)
     };
-    message.transforms.iter().any(moves)
+    message.transforms.iter().any(places)
 }
 
 /// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance; infinite where a

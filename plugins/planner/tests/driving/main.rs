@@ -94,14 +94,19 @@ fn start(params: &[(&str, &str)]) -> Bench {
 
 /// The local frame is the global one, moved by (x, 3) m.
 fn place_local_frame(bench: &mut Bench, x_m: f64) {
-    let transform = FrameTransform {
-        timestamp: Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto()),
-        parent_frame_id: "global".to_owned(),
-        child_frame_id: "local".to_owned(),
-        translation: Some(Vector3 { x: x_m, y: 3.0, z: 0.0 }),
-        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-    };
+    let now = Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto());
+    let transform = FrameTransform { timestamp: now, ..transform("global", "local", DVec2::new(x_m, 3.0)) };
     bench.write("/operator/transforms", FrameTransforms { transforms: vec![transform] });
+}
+
+fn transform(parent: &str, child: &str, moved: DVec2) -> FrameTransform {
+    FrameTransform {
+        timestamp: None,
+        parent_frame_id: parent.to_owned(),
+        child_frame_id: child.to_owned(),
+        translation: Some(Vector3 { x: moved.x, y: moved.y, z: 0.0 }),
+        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+    }
 }
 
 const FILES: [(&str, &str); 3] = [("generator.world", "w"), ("generator.goal", "g"), ("follower.modes", "m")];
@@ -337,8 +342,11 @@ fn it_drives_on_without_fixes_while_its_position_is_known_well_enough() {
         Odometry { frame_id: "global".to_owned(), pose_covariance: covariance, ..Odometry::default() }
     };
     bench.write("/operator/global", global(9.0));
-    // No transform comes for 30 s, as without fixes.
-    cycle(&mut bench, 0.0, 0.0, free, 600);
+    // No transform comes for 30 s, as without fixes, but for those of the parts of the vehicle.
+    let camera = transform("vehicle", "camera", DVec2::ZERO);
+    cycle(&mut bench, 0.0, 0.0, free, 300);
+    bench.write("/operator/transforms", FrameTransforms { transforms: vec![camera] });
+    cycle(&mut bench, 0.0, 0.0, free, 300);
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
     assert!(status(&bench, "generator").1.contains("is 29.9 s old, and the goal stays"), "{}", story(&bench));
     bench.write("/operator/global", global(25.0));

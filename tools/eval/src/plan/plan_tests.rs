@@ -51,7 +51,10 @@ fn bad_files_are_refused_with_their_line() {
         (scen("version 1", "version 2"), "/a.scen, line 1: got \"version 2\", expected \"version 1\""),
         (scen("\t4\t3\t", "\t8\t6\t"), "/a.scen, line 2: the scenario is for a map of 8x6 cells"),
         (scen("\t3\t0\t6", "\t3\t3\t6"), "/a.scen, line 2: goal is (3, 3), expected columns 0 to 3"),
-        (scen("6.41421356", "0"), "/a.scen, line 2: optimal length is \"0\", expected a finite number from 3.0"),
+        (
+            scen("6.41421356", "0"),
+            "/a.scen, line 2: optimal length is \"0\", expected a finite number from 3.0",
+        ),
         (scen("6.41421356", "inf"), "/a.scen, line 2: optimal length is \"inf\", expected a finite"),
         (scen("6.41421356", "x"), "/a.scen, line 2: optimal length is \"x\", expected a number"),
         (scen("a b.map\t4", ""), "/a.scen, line 2: 7 columns, expected 9"),
