@@ -1,7 +1,7 @@
 //! Where the wheels slipped is barred in the next run, too.
 
 use super::goal::register;
-use super::{FILES, cycle, free, global_at, path, place_local_frame, start};
+use super::{FILES, cycle, drive_ahead, free, global_at, path, place_local_frame, start};
 use rcs_geom::{DVec2, Pose, Utm};
 use rcs_msg::{Stamp, rcs};
 use rcs_planner::proto::{Route, SlipMemory};
@@ -23,11 +23,7 @@ fn nearest_m(bench: &Bench, to: DVec2) -> f64 {
 /// What a run remembers whose wheels turned on the spot at 5 m, as the text of a file.
 fn first_run() -> String {
     let mut bench = start(&FILES);
-    for half_metres in 0..=18 {
-        let x_m = f64::from(half_metres) / 2.0;
-        bench.write("/operator/global", global_at(x_m + 2.0));
-        cycle(&mut bench, x_m, 0.0, free, 2);
-    }
+    drive_ahead(&mut bench, 9.0);
     assert_eq!(sent(&bench), None);
     bench.write("/operator/global", global_at(5.0));
     place_local_frame(&mut bench, -4.0);
@@ -57,11 +53,7 @@ fn the_next_run_goes_around_where_the_wheels_slipped_and_hands_it_on() {
 fn slips_of_another_zone_do_not_keep_those_of_this_run_from_being_sent() {
     let slips = first_run().replace("18", "17");
     let mut bench = start(&[FILES[0], FILES[1], FILES[2], ("generator.slips", &slips)]);
-    for half_metres in 0..=18 {
-        let x_m = f64::from(half_metres) / 2.0;
-        bench.write("/operator/global", global_at(x_m + 2.0));
-        cycle(&mut bench, x_m, 0.0, free, 2);
-    }
+    drive_ahead(&mut bench, 9.0);
     bench.write("/operator/global", global_at(5.0));
     place_local_frame(&mut bench, -4.0);
     cycle(&mut bench, 9.0, 0.0, free, 26);
