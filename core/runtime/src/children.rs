@@ -66,6 +66,17 @@ impl<C> Clone for Child<C> {
 
 impl<C> Copy for Child<C> {}
 
+/// Who has the authority over a child.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owner {
+    /// This supervisor.
+    Us,
+    /// The operator.
+    Another,
+    /// Nobody: that of the operator has lapsed, or the child has posted no status.
+    Nobody,
+}
+
 /// State of a child as its supervisor must treat it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChildState {
@@ -90,8 +101,8 @@ pub struct ChildReport {
     pub state: ChildState,
     /// One line: its own status text, or the reason for its state.
     pub text: String,
-    /// Whether this supervisor has the authority over it.
-    pub is_ours: bool,
+    /// Who has the authority over it.
+    pub owner: Owner,
     /// The sender of the command that it obeys, if that is not this supervisor: the operator. Then `state` is the
     /// child's own.
     pub obeys_another: Option<String>,
@@ -103,6 +114,17 @@ pub struct ChildReport {
 }
 
 impl ChildReport {
+    /// Whether an order that it does not obey is sent again, because the operator no longer has it. When the operator's
+    /// authority has lapsed, that is `HALT` alone: what the operator halted stays halted until it is commanded again.
+    pub fn is_ordered_again(&self, is_halt: bool) -> bool {
+        self.is_overruled
+            && match self.owner {
+                Owner::Us => true,
+                Owner::Nobody => is_halt,
+                Owner::Another => false,
+            }
+    }
+
     /// What is wrong with the child, if it has failed: its name and its reason.
     pub fn failure(&self) -> Option<String> {
         let word = match self.state {
@@ -304,7 +326,7 @@ mod tests {
                 name: "child".into(),
                 state,
                 text: "blind".to_owned(),
-                is_ours: true,
+                owner: Owner::Us,
                 obeys_another: None,
                 obeys_last: true,
                 is_overruled: false,

@@ -1,6 +1,6 @@
 //! The context of one cycle of a process.
 
-use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children};
+use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children, Owner};
 use crate::command::{CommandSet, Obeys, Order};
 use crate::pool::Pool;
 use crate::ports::{In, Out};
@@ -244,7 +244,11 @@ impl Cycle<'_> {
             name: Arc::clone(&link.name),
             state,
             text,
-            is_ours: status.is_some_and(|status| *status.owner == *self.child_links.me),
+            owner: match status {
+                Some(status) if *status.owner == *self.child_links.me => Owner::Us,
+                Some(status) if !status.owner.is_empty() => Owner::Another,
+                _ => Owner::Nobody,
+            },
             obeys_another: status
                 .filter(|status| self.child_links.obeys_another(status, sent))
                 .map(|status| status.commander.clone()),

@@ -28,16 +28,17 @@ impl Children {
         to_follower: &Order<NoCommands>,
         cx: &mut Cycle<'_>,
     ) -> bool {
-        let again =
-            |report: Option<ChildReport>| report.is_some_and(|report| report.is_ours && report.is_overruled);
+        let again = |report: Option<ChildReport>, is_halt: bool| {
+            report.is_some_and(|report| report.is_ordered_again(is_halt))
+        };
         let mut forgotten = false;
         for planner in [&self.planner, &self.far_planner] {
-            if cx.is_new_command() || again(cx.child(planner)) {
+            if cx.is_new_command() || again(cx.child(planner), matches!(to_planners, Order::Halt)) {
                 cx.send(planner, to_planners.clone());
                 forgotten = true;
             }
         }
-        if cx.is_new_command() || again(cx.child(&self.follower)) {
+        if cx.is_new_command() || again(cx.child(&self.follower), matches!(to_follower, Order::Halt)) {
             cx.send(&self.follower, to_follower.clone());
         }
         forgotten

@@ -35,7 +35,8 @@
 //! `RELEASE` and it does not obey the current order, it receives that order again: this is `HALT` for the vehicle
 //! interface after a failure. Until then, the status of the supervisor says that it cannot stop the vehicle; it says
 //! that it has stopped the vehicle when the vehicle interface has accepted `HALT`. When the operator's authority has
-//! lapsed instead, the order is not sent again: what the operator halted stays halted until it is commanded again.
+//! lapsed instead, `HALT` is sent again, but not `RUN`: what the operator halted stays halted until it is commanded
+//! again.
 //!
 //! # Where to begin
 //!

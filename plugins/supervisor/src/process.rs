@@ -167,7 +167,7 @@ fn order_others(ports: &Ports, order: &Order<NoCommands>, is_new: bool, cx: &mut
     }
 }
 
-/// Sends an order to a child: in the cycle in which the supervisor received it, and later when the operator gives back
+/// Sends an order to a child: in the cycle in which the supervisor received it, and later when the operator no longer has
 /// a child that does not obey it. Returns whether it was sent.
 fn order_child(
     child: &Child<NoCommands>,
@@ -175,8 +175,9 @@ fn order_child(
     is_new: bool,
     cx: &mut Cycle<'_>,
 ) -> bool {
-    let is_given_back = |report: ChildReport| report.is_ours && report.is_overruled;
-    (is_new || cx.child(child).is_some_and(is_given_back)) && cx.send(child, order.clone())
+    let is_halt = matches!(order, Order::Halt);
+    let again = |report: ChildReport| report.is_ordered_again(is_halt);
+    (is_new || cx.child(child).is_some_and(again)) && cx.send(child, order.clone())
 }
 
 /// Whether the vehicle interface obeys the `HALT` that is sent to it for this reason.

@@ -386,6 +386,40 @@ fn a_vehicle_interface_that_the_operator_has_taken_is_stopped_when_it_is_given_b
 }
 
 #[test]
+fn a_vehicle_interface_that_the_operator_has_taken_is_stopped_when_the_authority_has_lapsed() {
+    let why = "perception is in ERROR: camera is in ERROR: blind";
+    for command in ["TAKE", "RUN"] {
+        let mut bench = Bench::new();
+        bench.say("wheels", command);
+        bench.forward(100);
+        bench.fate("camera", "blind");
+        bench.forward(800);
+        bench.expect("wheels", Exec, "drives");
+        let cannot = format!("cannot stop the vehicle, because the operator has taken wheels: {why}");
+        bench.expect("robot", Error, &cannot);
+        bench.forward(2200);
+        bench.expect("wheels", Done, "stands");
+        assert_eq!(bench.status("wheels").commander, "robot");
+        bench.expect("robot", Error, &format!("has stopped the vehicle: {why}"));
+
+        // The operator who keeps it drives on.
+        bench.hold("wheels", 500);
+        bench.say("wheels", "RUN");
+        bench.hold("wheels", 3500);
+        bench.expect("wheels", Exec, "drives");
+    }
+    // The same for HALT.
+    let mut bench = Bench::new();
+    bench.say("wheels", "TAKE");
+    bench.forward(100);
+    bench.say("robot", "HALT");
+    bench.forward(500);
+    bench.expect("wheels", Exec, "drives");
+    bench.forward(2500);
+    bench.expect("wheels", Done, "stands");
+}
+
+#[test]
 fn the_vehicle_is_not_called_stopped_before_its_interface_has_accepted_halt() {
     let mut bench = Bench::new();
     bench.fate("camera", "blind");
