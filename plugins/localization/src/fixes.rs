@@ -111,6 +111,13 @@ impl GlobalEstimate {
         Some(self.last_fix?.time)
     }
 
+    /// Moves the fix that waits for a second one, m: the origin of the global frame has moved.
+    pub fn move_waiting(&mut self, at: DVec2) {
+        if let (None, Some(fix)) = (&self.planar, &mut self.last_fix) {
+            fix.at = at;
+        }
+    }
+
     /// Time since the last accepted fix, s.
     pub fn age_s(&self, now: Stamp) -> Option<f64> {
         Some(now.seconds_since(self.last_used?))

@@ -19,6 +19,10 @@
 //! Period 20 ms. `local` is sent whenever a sensor has reported, `global` and `transforms` every 100 ms after two
 //! position fixes have agreed, `way_slip` every 0.4 m while there are images or fixes. No commands besides those of the runtime.
 //!
+//! The positions move at readings of the encoders, also where a radar gives the speed. When there have been none that can be
+//! used for `input_timeout_s`, the positions stand still, whatever the vehicle does; then none is sent, so that those who
+//! drive by them see their age. `HALT` changes nothing: a halted vehicle may roll out or be pushed.
+//!
 //! It fuses wheel encoders, inertial sensors, position fixes, and the motion that images show. It uses no map: there is no
 //! loop closure.
 //!
@@ -72,7 +76,12 @@
 //! is that of Wellington 2005, A.2: a likelihood ratio by the normalised error.
 //!
 //! Unusable readings (not finite or absurd, older than the previous one, wheel distances that jump, a position outside of
-//! UTM, an outlier, a fix that is repeated or older than `gps_dropout_s`) are faults and are skipped.
+//! UTM, an outlier, a fix that is repeated or older than `gps_dropout_s`, or with the ROS status "no fix") are faults and are
+//! skipped. A fix without altitude (NaN, by ROS conventions) leaves the height as it is. A reading from the future counts as
+//! taken when it came: a sensor whose clock was ahead for a moment is not refused until that time is there.
+//!
+//! Without a world file, the global frame has its origin at the first of the two fixes that agree. An inertial sensor that
+//! begins later than `input_timeout_s` after the encoders still gives the heading at the start, unless the wheels have moved.
 //!
 //! # Example
 //!

@@ -29,6 +29,8 @@ const SLIPS_A_LITTLE: f64 = 0.2;
 const SLIP_TIMEOUT_S: f64 = 0.25;
 /// Largest variance of a fix that says anything, m². Some receivers state the largest number for an unknown one.
 const WIDEST_M2: f64 = 1e8;
+/// Status of a position fix by ROS conventions, where the receiver has none: `NavSatStatus::STATUS_NO_FIX`.
+const NO_FIX: &str = "-1";
 /// Time between two global estimates that are sent, ns.
 const GLOBAL_PERIOD_NS: u64 = 100_000_000;
 /// Stated variance of roll and pitch: that of the filter on rough ground, rad².
@@ -44,10 +46,17 @@ pub struct Localization {
     local: Option<Planar>,
     height_m: f64,
     global: GlobalEstimate,
+    /// Origin of the global frame: of the world file, or the first of the fixes with which the global estimate began.
     origin: Option<Origin>,
+    /// Place of a fix that waits for a second one.
+    waiting_origin: Option<Origin>,
+    /// Stamp of the last fix.
+    fix_stamp: Option<Stamp>,
     speed_mps: f64,
     /// Acceleration by the wheels, m/s², and its time.
     gain: Option<(f64, Stamp)>,
+    /// When a usable reading of the encoders last came; before the first one, when inertial readings began.
+    counted: Option<Stamp>,
     /// Time of the last inertial reading.
     felt: Option<Stamp>,
     wheels: Option<Wheels>,
@@ -141,16 +150,49 @@ impl Process for Localization {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) {
+        let is_frozen = self.estimate(ports, params, cx);
+        let now = cx.now();
+        let silent =
+            |time: Option<Stamp>| time.is_none_or(|time| now.seconds_since(time) > params.input_timeout_s);
+        let lost = self.global.age_s(now).is_none_or(|age_s| age_s > params.gps_dropout_s);
+        cx.exec(match (silent(self.wheels.map(|wheels| wheels.time)), silent(self.felt), lost) {
+            _ if is_frozen => "warning: no encoders, the positions stand still and are not sent",
+            (true, ..) => "warning: no encoders, the estimates stand still",
+            (_, true, _) => "warning: no inertial readings, turns come from the wheels",
+            (_, _, true) => "warning: no good position fix, the global estimate is dead reckoning",
+            _ => "estimates both positions",
+        });
+    }
+
+    /// A halted vehicle may roll out, or be pushed: the estimates follow it.
+    fn halt(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) {
+        self.estimate(ports, params, cx);
+        cx.done("halted");
+    }
+}
+
+fn vector(v: Option<&Vector3>) -> Option<DVec3> {
+    v.map(|v| DVec3::new(v.x, v.y, v.z))
+}
+
+impl Localization {
+    /// Reads all sensors, and sends both estimates. Returns whether the position stands still for want of encoders; then
+    /// nothing is sent, so that readers see its age.
+    fn estimate(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) -> bool {
+        let now = cx.now();
         let mut newest = None;
         while let Some(imu) = cx.read(&ports.imu) {
             match self.feel(&imu, params) {
-                Ok(()) => newest = newest.max(Some(imu.acq_time())),
+                Ok(()) => {
+                    newest = newest.max(Some(imu.acq_time_on_arrival()));
+                    self.counted.get_or_insert(now);
+                }
                 Err(error) => cx.fault(format!("imu: {error}; reading skipped")),
             }
         }
         while let Some(speed) = cx.read(&ports.ground_speed) {
             if speed.speed_mps.is_finite() && speed.speed_mps.abs() < FASTEST_MPS {
-                self.ground_speed = Some((speed.speed_mps, speed.acq_time()));
+                self.ground_speed = Some((speed.speed_mps, speed.acq_time_on_arrival()));
             } else {
                 cx.fault(format!("ground speed is {} m/s; reading skipped", speed.speed_mps));
             }
@@ -168,44 +210,29 @@ impl Process for Localization {
         while let Some(encoders) = cx.read(&ports.encoders) {
             match self.roll(&encoders, params) {
                 Ok(slipped) => {
-                    newest = newest.max(Some(encoders.acq_time()));
+                    let time = encoders.acq_time_on_arrival();
+                    newest = newest.max(Some(time));
+                    self.counted = Some(now);
                     if let Some(slipped) = slipped {
-                        cx.write(
-                            &ports.way_slip,
-                            encoders.acq_time(),
-                            way_slip(&slipped, encoders.acq_time()),
-                        );
+                        cx.write(&ports.way_slip, time, way_slip(&slipped, time));
                     }
                 }
                 Err(error) => cx.fault(format!("encoders: {error}; reading skipped")),
             }
         }
         while let Some(fix) = cx.read(&ports.gps) {
-            if let Err(error) = self.fix(&fix, params, cx.now()) {
+            if let Err(error) = self.fix(&fix, params, now) {
                 cx.fault(format!("{error}; fix skipped"));
             }
         }
-        if let Some(time) = newest {
+        // Every way is counted at a reading of the encoders, also that of a radar.
+        let is_frozen = self.counted.is_some_and(|at| now.seconds_since(at) > params.input_timeout_s);
+        if let Some(time) = newest.filter(|_| !is_frozen) {
             self.publish(time, ports, params, cx);
         }
-        let now = cx.now();
-        let silent =
-            |time: Option<Stamp>| time.is_none_or(|time| now.seconds_since(time) > params.input_timeout_s);
-        let lost = self.global.age_s(now).is_none_or(|age_s| age_s > params.gps_dropout_s);
-        cx.exec(match (silent(self.wheels.map(|wheels| wheels.time)), silent(self.felt), lost) {
-            (true, ..) => "warning: no encoders, the estimates stand still",
-            (_, true, _) => "warning: no inertial readings, turns come from the wheels",
-            (_, _, true) => "warning: no good position fix, the global estimate is dead reckoning",
-            _ => "estimates both positions",
-        });
+        is_frozen
     }
-}
 
-fn vector(v: Option<&Vector3>) -> Option<DVec3> {
-    v.map(|v| DVec3::new(v.x, v.y, v.z))
-}
-
-impl Localization {
     fn feel(&mut self, imu: &Msg<Imu>, params: &LocalizationParams) -> Result<(), String> {
         let gyro = vector(imu.angular_velocity.as_ref()).ok_or("no turn rates")?;
         let force = vector(imu.linear_acceleration.as_ref()).ok_or("no accelerations")?;
@@ -215,9 +242,11 @@ impl Localization {
                 "turn rates {gyro} rad/s and accelerations {force} m/s², expected at most {FASTEST_RADPS} and {HARDEST_MPS2}"
             ));
         }
-        let time = imu.acq_time();
+        let time = imu.acq_time_on_arrival();
         let slips = self.slipping_mps(time).is_some();
-        let Some(attitude) = &mut self.attitude else {
+        // Estimates that began without inertial sensors begin again, unless the vehicle has moved since.
+        let is_first = self.felt.is_none() && self.wheels.is_none_or(|wheels| !wheels.has_moved());
+        let Some(attitude) = self.attitude.as_mut().filter(|_| !is_first) else {
             let (yaw_rad, variance) = start_heading(imu, params)?;
             self.begin(force, yaw_rad, variance);
             self.felt = Some(time);
@@ -265,10 +294,11 @@ impl Localization {
             ));
         }
         // Where images tell the motion, the estimate needs no fixes for it.
-        if slip >= SLIPS_A_LITTLE && !self.grip.is_known(report.acq_time()) {
+        let time = report.acq_time_on_arrival();
+        if slip >= SLIPS_A_LITTLE && !self.grip.is_known(time) {
             self.global.follow();
         }
-        self.slipping = (slip >= SLIPS).then(|| (speed_mps, report.acq_time()));
+        self.slipping = (slip >= SLIPS).then_some((speed_mps, time));
         Ok(())
     }
 
@@ -298,7 +328,7 @@ impl Localization {
         params: &LocalizationParams,
     ) -> Result<Option<Slipped>, String> {
         let distance_m = [encoders.left_m, encoders.right_m];
-        let time = encoders.acq_time();
+        let time = encoders.acq_time_on_arrival();
         let Some(wheels) = &mut self.wheels else {
             if !distance_m.iter().all(|distance| distance.is_finite()) {
                 return Err(format!("distances are {distance_m:?} m, expected finite ones"));
@@ -366,23 +396,27 @@ impl Localization {
 
     fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams, now: Stamp) -> Result<(), String> {
         let Some(attitude) = &self.attitude else { return Ok(()) };
+        if fix.metadata.iter().any(|pair| pair.key == "status" && pair.value == NO_FIX) {
+            return Err("the receiver has no position fix".to_owned());
+        }
         // A fix is compared with where the vehicle is now.
-        let (time, age_s) = (fix.acq_time(), now.seconds_since(fix.acq_time()));
+        let time = fix.acq_time_on_arrival();
+        let age_s = now.seconds_since(time);
         if age_s > params.gps_dropout_s {
             let limit_s = params.gps_dropout_s;
             return Err(format!("position fix is {age_s:.1} s old, expected at most {limit_s} s"));
         }
-        if self.global.last_fix().is_some_and(|before| before >= time) {
+        // By its stamp, a fix from the future that is repeated is told from a new one.
+        let is_repeated = self.fix_stamp == Some(fix.acq_time());
+        if is_repeated || self.global.last_fix().is_some_and(|before| before >= time) {
             return Err("position fix is not newer than the one before".to_owned());
         }
+        self.fix_stamp = Some(fix.acq_time());
+        // A receiver that measures no height says NaN.
+        let has_height = !fix.altitude.is_nan();
+        let altitude_m = if has_height { fix.altitude } else { 0.0 };
         let place =
-            Geodetic::new(fix.latitude, fix.longitude, fix.altitude).map_err(|error| error.to_string())?;
-        let origin = match self.origin {
-            Some(origin) => origin,
-            None => Origin::at(&place).map_err(|error| error.to_string())?,
-        };
-        self.origin = Some(origin);
-        let p = origin.global_from_geodetic(&place).map_err(|error| error.to_string())?;
+            Geodetic::new(fix.latitude, fix.longitude, altitude_m).map_err(|error| error.to_string())?;
         let stated = |index: usize| fix.position_covariance.get(index).copied();
         let known = fix.position_covariance_type() != location_fix::PositionCovarianceType::Unknown;
         let default = params.gps_noise_m * params.gps_noise_m;
@@ -392,7 +426,15 @@ impl Localization {
             None => Ok(default),
         };
         let variance = 0.5 * (variance_of(0, default)? + variance_of(4, default)?);
-        let height_variance = variance_of(8, 4.0 * default)?;
+        let height_variance = if has_height { variance_of(8, 4.0 * default)? } else { WIDEST_M2 };
+        let here = Origin::at(&place).map_err(|error| error.to_string())?;
+        let of_waiting = self.waiting_origin.filter(|origin| origin.global_from_geodetic(&place).is_ok());
+        if self.origin.is_none() && of_waiting.is_none() {
+            // From another zone, no fix agrees with the one that waits.
+            self.global.move_waiting(DVec2::INFINITY);
+        }
+        let origin = self.origin.or(of_waiting).unwrap_or(here);
+        let p = origin.global_from_geodetic(&place).map_err(|error| error.to_string())?;
         // Position of the antenna, rotated by roll and pitch only.
         let antenna = DVec3::new(params.antenna_x_m, params.antenna_y_m, params.antenna_z_m);
         let level = DQuat::from_rotation_z(-attitude.yaw_rad()) * attitude.level_from_vehicle * antenna;
@@ -401,8 +443,19 @@ impl Localization {
             correlation_s: params.gps_correlation_s,
             reset_after: params.gps_reset_after,
         };
-        let fixed = Fixed { time, at: p.truncate(), height_m: p.z, variance, height_variance };
-        match self.global.take(&settings, fixed, level.truncate(), self.height_m + level.z) {
+        let local_height_m = self.height_m + level.z;
+        // Without a height, the one that is known: the estimate of the height does not change.
+        let height_m = if has_height { p.z } else { local_height_m + self.global.lift()[0] };
+        let fixed = Fixed { time, at: p.truncate(), height_m, variance, height_variance };
+        let verdict = self.global.take(&settings, fixed, level.truncate(), local_height_m);
+        if self.origin.is_none() && verdict == Verdict::Waits {
+            // It agrees with no fix before it: the global frame begins here if the next one agrees with it.
+            self.waiting_origin = Some(here);
+            self.global.move_waiting(DVec2::ZERO);
+        } else {
+            self.origin = Some(origin);
+        }
+        match verdict {
             Verdict::Refused { surprise } => Err(format!(
                 "position fix is an outlier: squared error {surprise:.1}, expected at most {}",
                 params.gps_gate

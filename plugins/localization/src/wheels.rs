@@ -38,6 +38,11 @@ impl Wheels {
         Wheels { time, since: time, distance_m, moved: None, moved_at_m: distance_m }
     }
 
+    /// Whether the wheels have moved since the first reading.
+    pub fn has_moved(&self) -> bool {
+        self.moved.is_some()
+    }
+
     /// Whether the wheels have stood still for a while.
     pub fn stand(&self) -> bool {
         self.moved.is_none_or(|moved| self.time.seconds_since(moved) > STANDING_S)

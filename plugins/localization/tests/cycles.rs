@@ -2,11 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use rcs_geom::Pose;
 use rcs_localization::Localization;
-use rcs_msg::foxglove::{LocationFix, Odometry, Vector3, location_fix};
-use rcs_msg::{AnyMessage, Stamp, rcs};
+use rcs_msg::foxglove::{KeyValuePair, LocationFix, Odometry, Vector3, location_fix};
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::{ExternalEvent, ProcessType};
-use rcs_sense::pose_of;
+use rcs_sense::{pose_message, pose_of};
 use rcs_testkit::bench::{Bench, Setup};
 
 const STACK: &str = r#"
@@ -65,6 +66,25 @@ fn stand(bench: &mut Bench, imu: rcs::Imu) {
     bench.write("/operator/encoders", rcs::WheelEncoders::default());
     bench.write("/operator/imu", imu);
     bench.cycles(20, 1);
+}
+
+/// Writes a message with this acquisition time.
+fn sense<T: Payload>(bench: &mut Bench, buffer: &str, time: Stamp, message: T) {
+    bench.session.write(ExternalEvent::sensed(buffer, time, AnyMessage::new(message))).unwrap();
+}
+
+fn start() -> Bench {
+    Setup::new(STACK, &[ProcessType::of::<Localization>()]).bench()
+}
+
+/// Encoders of a vehicle that has rolled straight ahead.
+fn rolled(way_m: f64) -> rcs::WheelEncoders {
+    rcs::WheelEncoders { left_m: way_m, right_m: way_m, ..rcs::WheelEncoders::default() }
+}
+
+/// An inertial reading with a compass.
+fn heading(yaw_rad: f64) -> rcs::Imu {
+    rcs::Imu { orientation: pose_message(&Pose::from_yaw(yaw_rad)).orientation, ..imu(0.0) }
 }
 
 /// North, m, and heading, rad.
@@ -129,4 +149,165 @@ fn a_fix_that_is_repeated_or_comes_too_late_is_a_fault_and_does_not_pull_the_est
     let (count, text) = bench.faults("localization");
     assert!(count == 130 && text.contains(" s old, expected at most 2 s"), "{count} {text}");
     assert_eq!(estimate(&bench, "/localization/global"), once);
+}
+
+#[test]
+fn a_position_that_stands_still_for_want_of_encoders_is_not_sent() {
+    let no_distance = || rcs::WheelEncoders { left_m: f64::NAN, left_mps: 1.0, ..Default::default() };
+    let old = Stamp(1_000_000_000);
+    for what in ["silent", "no number", "an old time"] {
+        let mut bench = standing();
+        let mut without = |cycles: u64| {
+            for _ in 0..cycles {
+                match what {
+                    "no number" => bench.write("/operator/encoders", no_distance()),
+                    "an old time" => sense(&mut bench, "/operator/encoders", old, rolled(0.0)),
+                    _ => {}
+                }
+                bench.write("/operator/imu", imu(0.0));
+                bench.cycles(20, 1);
+            }
+            ["local", "global", "transforms"].map(|output| bench.sent(&format!("/localization/{output}")))
+        };
+        let before = without(20);
+        let held = without(10);
+        assert!(held[0] > before[0], "{what}: for half a second it goes on");
+        assert_eq!(without(50), held, "{what}");
+        let text = bench.latest::<rcs::Status>("/localization/status").state_text;
+        assert!(text.contains("no encoders, the positions stand still"), "{what}: {text}");
+        stand(&mut bench, imu(0.0));
+        stand(&mut bench, imu(0.0));
+        assert!(bench.sent("/localization/local") > held[0], "{what}: they are back");
+    }
+    // Encoders that never come.
+    let mut bench = start();
+    for _ in 0..100 {
+        bench.write("/operator/imu", imu(0.0));
+        bench.cycles(20, 1);
+    }
+    let sent = bench.sent("/localization/local");
+    assert!((20..30).contains(&sent), "{sent}");
+}
+
+#[test]
+fn a_fix_without_a_position_is_a_fault_and_does_not_place_the_origin() {
+    let nowhere = LocationFix { latitude: 0.0, longitude: 0.0, ..fix(0.0, 1.0) };
+    let metadata = vec![KeyValuePair { key: "status".to_owned(), value: "-1".to_owned() }];
+    let cases = [
+        (1, LocationFix { metadata: metadata.clone(), ..nowhere.clone() }),
+        (1, LocationFix { position_covariance: vec![f64::NAN; 9], ..nowhere.clone() }),
+        (1, LocationFix { metadata, ..fix(50.0, 1.0) }),
+        // A place like others, until the next fix does not agree with it.
+        (0, nowhere),
+    ];
+    for (faults, bad) in cases {
+        let mut bench = start();
+        bench.cycles(20, 1);
+        stand(&mut bench, imu(0.0));
+        bench.write("/operator/gps", bad);
+        stand(&mut bench, imu(0.0));
+        for _ in 0..5 {
+            bench.write("/operator/gps", fix(0.0, 1.0));
+            for _ in 0..10 {
+                stand(&mut bench, imu(0.0));
+            }
+        }
+        let (count, text) = bench.faults("localization");
+        assert_eq!(count, faults, "{text}");
+        let [north_m, _] = estimate(&bench, "/localization/global");
+        assert!(north_m.abs() < 0.01, "{north_m}");
+    }
+}
+
+#[test]
+fn fixes_without_altitude_place_the_vehicle_and_leave_its_height_alone() {
+    let fly = |altitudes_m: [f64; 2]| {
+        let mut bench = start();
+        bench.cycles(20, 1);
+        for altitude in altitudes_m {
+            for _ in 0..5 {
+                bench.write("/operator/gps", LocationFix { altitude, ..fix(0.0, 1.0) });
+                for _ in 0..10 {
+                    stand(&mut bench, imu(0.0));
+                }
+            }
+        }
+        assert_eq!(bench.faults("localization"), (0, String::new()));
+        let odometry: Odometry = bench.latest("/localization/global");
+        pose_of(odometry.pose.as_ref(), &odometry.frame_id).unwrap().translation.z
+    };
+    // The antenna is 1 m above the vehicle.
+    let cases = [([f64::NAN; 2], 0.0), ([31.0, f64::NAN], 30.0), ([f64::NAN, 31.0], 30.0)];
+    for (altitudes_m, expected_m) in cases {
+        let height_m = fly(altitudes_m);
+        assert!((height_m - expected_m).abs() < 0.01, "{altitudes_m:?}: {height_m}");
+    }
+}
+
+#[test]
+fn what_is_rolled_and_turned_while_halted_is_followed() {
+    let mut bench = standing();
+    let say = |bench: &mut Bench, serial: u64, name: &str| {
+        let command = rcs::Command { serial, name: name.to_owned(), ..Default::default() };
+        bench.write("/localization/command", command);
+    };
+    let move_on = |bench: &mut Bench, way_m: f64, turn_radps: f64| {
+        bench.write("/operator/encoders", rolled(way_m));
+        bench.write("/operator/imu", imu(turn_radps));
+        bench.cycles(20, 1);
+    };
+    say(&mut bench, 2, "HALT");
+    // A quarter turn to the left within a second, then 1 m ahead: to the north.
+    (0..50).for_each(|_| move_on(&mut bench, 0.0, std::f64::consts::FRAC_PI_2));
+    (1..=50).for_each(|step| move_on(&mut bench, 0.02 * f64::from(step), 0.0));
+    let status: rcs::Status = bench.latest("/localization/status");
+    assert_eq!((status.state(), status.state_text.as_str()), (rcs::ProcessState::Done, "halted"));
+    let [north_m, _] = estimate(&bench, "/localization/local");
+    assert!((north_m - 1.0).abs() < 0.02, "{north_m}");
+    say(&mut bench, 3, "RUN");
+    move_on(&mut bench, 1.0, 0.0);
+    let [north_m, _] = estimate(&bench, "/localization/local");
+    assert!((north_m - 1.0).abs() < 0.02, "{north_m}");
+}
+
+#[test]
+fn an_inertial_sensor_that_begins_late_gives_the_heading_at_the_start() {
+    for (moved_m, expected_rad) in [(0.0, 1.0), (1.0, 0.0)] {
+        let mut bench = start();
+        bench.cycles(20, 1);
+        for step in 0..100 {
+            bench.write("/operator/encoders", rolled(moved_m * f64::from(step) / 99.0));
+            bench.cycles(20, 1);
+        }
+        bench.write("/operator/encoders", rolled(moved_m));
+        bench.write("/operator/imu", heading(1.0));
+        bench.cycles(20, 2);
+        let [_, yaw_rad] = estimate(&bench, "/localization/local");
+        assert!((yaw_rad - expected_rad).abs() < 1e-6, "{moved_m} m: {yaw_rad}");
+    }
+}
+
+#[test]
+fn a_reading_from_the_future_does_not_block_those_after_it() {
+    let mut bench = standing();
+    let hour = Stamp(3_600_000_000_000);
+    sense(&mut bench, "/operator/encoders", hour, rolled(0.0));
+    sense(&mut bench, "/operator/imu", hour, imu(0.0));
+    sense(&mut bench, "/operator/gps", hour, fix(0.0, 1.0));
+    bench.cycles(20, 1);
+    let sent: Odometry = bench.latest("/localization/local");
+    let time = sent.timestamp.as_ref().and_then(Stamp::from_proto).unwrap();
+    assert!(time <= Stamp(bench.now_ms * 1_000_000), "{time:?}");
+    for step in 1..=50 {
+        bench.write("/operator/encoders", rolled(0.02 * f64::from(step)));
+        bench.write("/operator/imu", imu(0.0));
+        if step % 10 == 0 {
+            bench.write("/operator/gps", fix(0.0, 100.0));
+        }
+        bench.cycles(20, 1);
+    }
+    assert_eq!(bench.faults("localization"), (0, String::new()));
+    let odometry: Odometry = bench.latest("/localization/local");
+    let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).unwrap();
+    assert!((pose.translation.x - 1.0).abs() < 0.02, "{}", pose.translation);
 }

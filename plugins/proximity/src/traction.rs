@@ -8,6 +8,9 @@
 //! both speeds. With the gyro's turn rate the inertial speed is split into the ground speeds of the two wheels. Slip is
 //! the share of a wheel's motion that exceeds its ground speed; the greater of the two wheels is reported.
 //!
+//! Readings that are more than 0.1 s apart are not integrated: an inertial sensor slower than that tells no slip, and the
+//! state is unknown.
+//!
 //! Limits: slip that builds up as slowly as the memory forgets, and slip that lasts, are not detected. A localization
 //! that does not notice a loss of speed takes the deceleration for a tilt for a moment; therefore, after two seconds or
 //! more, wheels that spin on the spot are taken to roll again. The start of the spinning is counted.
@@ -137,6 +140,9 @@ pub struct Traction {
     /// Mean speed of the wheels at the last inertial reading, m/s.
     before_mps: f64,
     last_inertial: Option<Stamp>,
+    /// Whether the inertial speed is more than the wheels' speed: since the start or a gap, a reading was integrated, or the
+    /// vehicle stood.
+    is_integrated: bool,
     last_look: Option<Stamp>,
     /// Whether slip was found in the last call, reported or not.
     slips: bool,
@@ -166,9 +172,10 @@ impl Traction {
         }
         self.yaw_rate_radps = reading.yaw_rate_radps;
         let Some(dt_s) = dt_s.filter(|&dt_s| dt_s <= LONGEST_STEP_S) else {
-            self.inertial_mps = wheels;
+            (self.inertial_mps, self.is_integrated) = (wheels, false);
             return;
         };
+        self.is_integrated = true;
         let stand = self.wheels_mps.iter().all(|speed| speed.abs() < STANDS_MPS);
         if stand && reading.yaw_rate_radps.abs() < STANDS_RADPS {
             self.stood_s += dt_s;
@@ -203,8 +210,8 @@ impl Traction {
     pub fn look(&mut self, now: Stamp, inertial_timeout_s: f64, rules: &Rules) {
         let dt_s = self.last_look.map_or(0.0, |last| now.seconds_since(last).max(0.0));
         self.last_look = Some(now);
-        let is_inertial =
-            self.last_inertial.is_some_and(|last| now.seconds_since(last) <= inertial_timeout_s);
+        let is_inertial = self.is_integrated
+            && self.last_inertial.is_some_and(|last| now.seconds_since(last) <= inertial_timeout_s);
         let slip = if is_inertial { self.slip_now(rules) } else { None };
         self.slip = slip.unwrap_or(0.0);
         let least = if self.slips { rules.spin_slip * STILL_SPINS } else { rules.spin_slip };

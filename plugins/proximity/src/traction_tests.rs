@@ -178,3 +178,19 @@ fn readings_after_a_gap_or_out_of_order_are_not_integrated() {
     traction.take_inertial(&reading(1_990), &RULES);
     assert_eq!(traction.inertial_mps, 1.0);
 }
+
+#[test]
+fn an_inertial_sensor_too_slow_to_be_integrated_does_not_say_that_the_wheels_grip() {
+    let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
+    let take = |traction: &mut Traction, ms: u64| {
+        let time = Stamp(ms * 1_000_000);
+        let reading = Inertial { time, acceleration_mps2: 0.0, yaw_rate_radps: 0.0, pitch_rad: 0.0 };
+        traction.take_inertial(&reading, &RULES);
+        traction.look(time, 0.2, &RULES);
+        traction.state
+    };
+    for step in 0..20 {
+        assert_eq!(take(&mut traction, 125 * step), State::Unknown);
+    }
+    assert_eq!(take(&mut traction, 125 * 19 + 50), State::Grips, "a step that is integrated");
+}

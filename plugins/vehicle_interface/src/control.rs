@@ -4,7 +4,8 @@
 //! stops at zero on the way from forward to backward. The turn rate is proportional to the heading error, with a dead
 //! band and limits, and is ramped, too; a turn begins when the vehicle no longer rolls the other way. A differential
 //! drive with track `b` turns at rate `w` with wheel speeds `v ∓ w·b/2`; where a wheel would exceed its limit, the
-//! vehicle drives more slowly and keeps its turn rate. An Ackermann vehicle gets the curvature `w/v`.
+//! vehicle drives more slowly and keeps its turn rate. An Ackermann vehicle gets the curvature `w/v`, of the limited and
+//! ramped turn rate, too.
 //!
 //! Wheels that slip on one side turn the vehicle less than their speeds say, or the other way: with one side in mud, it is
 //! drawn into it. What the turn lacks ([`Slip`]) is added to the turn rate of a differential drive.
@@ -154,7 +155,7 @@ impl Ramps {
                 let lacking_radps = if stands { 0.0 } else { slip.lacking_radps.clamp(-most, most) };
                 self.differential(lacking_radps, track_m, drive.max_wheel_speed_mps)
             }
-            None => self.steered(aim, yaw_rate_radps, drive),
+            None => self.steered(aim, drive),
         }
     }
 
@@ -172,13 +173,13 @@ impl Ramps {
         Wheels { left_mps: speed - half, right_mps: speed + half, curvature_per_m: 0.0 }
     }
 
-    fn steered(&mut self, aim: Aim, yaw_rate_radps: f64, drive: &Drive) -> Wheels {
+    fn steered(&mut self, aim: Aim, drive: &Drive) -> Wheels {
         // A braking vehicle keeps its steering angle: steering while it rolls out would swing it aside.
         if aim != Aim::Stop {
             let along = if self.speed_mps < 0.0 { -1.0 } else { 1.0 };
             let speed = along * self.speed_mps.abs().max(CURVATURE_SPEED_MPS);
             let limit = drive.max_curvature_per_m;
-            self.curvature_per_m = (yaw_rate_radps / speed).clamp(-limit, limit);
+            self.curvature_per_m = (self.yaw_rate_radps / speed).clamp(-limit, limit);
         }
         Wheels { left_mps: self.speed_mps, right_mps: self.speed_mps, curvature_per_m: self.curvature_per_m }
     }
@@ -349,6 +350,18 @@ mod tests {
         let back = Aim::Rate { speed_mps: -1.0, yaw_rate_radps: 0.1 };
         assert!((run(&mut ramps, back, &STEERED, 200).curvature_per_m + 0.1).abs() < 1e-12);
         assert!((run(&mut ramps, Aim::Stop, &STEERED, 1).curvature_per_m + 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_vehicle_that_steers_turns_no_faster_and_no_more_suddenly_than_its_limits() {
+        let drive = Drive { max_yaw_rate_radps: 0.1, max_yaw_acceleration_radps2: 0.5, ..STEERED };
+        let mut ramps = Ramps::default();
+        run(&mut ramps, Aim::Rate { speed_mps: 1.0, yaw_rate_radps: 0.0 }, &drive, 100);
+        let aim = Aim::Heading { speed_mps: 1.0, error_rad: 1.0 };
+        let curvature_per_m = run(&mut ramps, aim, &drive, 1).curvature_per_m;
+        assert!((curvature_per_m - 0.5 * DT_S).abs() < 1e-12, "{curvature_per_m}");
+        let curvature_per_m = run(&mut ramps, aim, &drive, 100).curvature_per_m;
+        assert!((curvature_per_m - 0.1).abs() < 1e-12, "{curvature_per_m}");
     }
 
     proptest! {

@@ -228,6 +228,9 @@ impl VehicleInterface {
         cx: &mut Cycle<'_>,
         decide: impl FnOnce(&Self, &Cycle<'_>) -> Decision,
     ) -> Wheels {
+        if self.last_cycle.is_none() {
+            self.remember(ports, cx);
+        }
         self.sense(ports, cx);
         let limits = Limits {
             speed_mps: params.max_speed_mps,
@@ -266,6 +269,29 @@ impl VehicleInterface {
         wheels
     }
 
+    /// What the sensors last said before the state was created anew, as by `INIT`, at the times at which they said it: one
+    /// that is silent since then is missed, and a pressed bumper holds.
+    fn remember(&mut self, ports: &Ports, cx: &Cycle<'_>) {
+        if let Some(encoders) = cx.latest(&ports.encoders) {
+            let (wheels_mps, at) = ([encoders.left_mps, encoders.right_mps], encoders.header().log_time);
+            if wheels_mps.iter().all(|speed_mps| speed_mps.abs() <= FASTEST_WHEEL_MPS) {
+                // Old speeds are not those of the vehicle now.
+                let is_recent = cx.now().seconds_since(at) <= SENSED_S;
+                self.sensed.wheels_mps = Some((if is_recent { wheels_mps } else { [0.0; 2] }, at));
+            }
+        }
+        if let Some(imu) = cx.latest(&ports.imu)
+            && let Some(rate) = imu.angular_velocity.as_ref().map(|rates| rates.z)
+            && rate.abs() <= FASTEST_RADPS
+        {
+            self.sensed.yaw_rate_radps = Some((rate, imu.header().log_time));
+        }
+        if let Some(bumper) = cx.latest(&ports.bumper) {
+            (self.sensed.bumper_left, self.sensed.bumper_right) = (bumper.left, bumper.right);
+            self.sensed.bumper_at = Some(bumper.header().log_time);
+        }
+    }
+
     /// Reads the sensors. Values that are not finite or absurd are faults, and the previous values are kept.
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         if let Some(encoders) = cx.read_newest(&ports.encoders) {
@@ -280,7 +306,7 @@ impl VehicleInterface {
             }
         }
         if let Some(odometry) = cx.read_newest(&ports.local)
-            && let Err(error) = self.take_local(&odometry, cx.now())
+            && let Err(error) = self.take_local(&odometry)
         {
             cx.fault(format!("local: {error}; skipped"));
         }
@@ -303,10 +329,10 @@ impl VehicleInterface {
         }
     }
 
-    /// Takes heading, roll and pitch of the local estimate. A time from the future would keep them fresh for ever.
-    fn take_local(&mut self, odometry: &Msg<Odometry>, now: Stamp) -> Result<(), String> {
+    /// Takes heading, roll and pitch of the local estimate.
+    fn take_local(&mut self, odometry: &Msg<Odometry>) -> Result<(), String> {
         let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
-        let time = odometry.acq_time().min(now);
+        let time = odometry.acq_time_on_arrival();
         if let Some((_, before)) = self.yaw.filter(|&(_, before)| before > time) {
             return Err(format!("pose is {:.3} s older than the one before", before.seconds_since(time)));
         }

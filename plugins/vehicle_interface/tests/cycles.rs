@@ -499,3 +499,45 @@ fn a_speed_limit_holds_for_whoever_drives_until_run() {
     bench.drive_for(1.0, 60);
     assert_eq!(bench.wheels(), [1.0, 1.0]);
 }
+
+#[test]
+fn a_sensor_that_is_silent_is_missed_after_init_too() {
+    for sensor in ["encoders", "imu"] {
+        let mut bench = Bench::start();
+        if sensor == "encoders" {
+            // The reading of a vehicle that moves does not keep it braking for ever.
+            let moves = rcs::WheelEncoders { left_mps: 1.0, right_mps: 1.0, ..Default::default() };
+            bench.write("/operator/encoders", moves);
+        } else {
+            let angular_velocity = Some(Vector3::default());
+            bench.write("/operator/imu", rcs::Imu { angular_velocity, ..Default::default() });
+        }
+        bench.drive_for(1.0, 60);
+        assert!(bench.vehicle().stop_reason.starts_with(sensor), "{}", bench.vehicle().stop_reason);
+        bench.say(2, "INIT");
+        bench.run(60);
+        assert_eq!(bench.status().state(), rcs::ProcessState::Done);
+        bench.say(3, "RUN");
+        bench.drive_for(1.0, 20);
+        assert_eq!(bench.wheels(), [0.0, 0.0], "{sensor}");
+        assert!(bench.vehicle().stop_reason.starts_with(sensor), "{}", bench.vehicle().stop_reason);
+    }
+}
+
+#[test]
+fn a_pressed_bumper_that_speaks_only_on_a_change_holds_after_init_too() {
+    let types = [ProcessType::of::<VehicleInterface>()];
+    let setup = Setup::new(STACK, &types);
+    let mut bench = setup.params(&[("vehicle_interface.sensor_timeout_s", "0")]).bench();
+    bench.run(1);
+    bench.write("/operator/bumper", rcs::Bumper { left: true, ..Default::default() });
+    bench.run(1);
+    bench.say(2, "INIT");
+    bench.run(2);
+    bench.say(3, "RUN");
+    bench.drive_for(0.5, 20);
+    assert_eq!((bench.wheels(), bench.vehicle().stop_reason.as_str()), ([0.0, 0.0], "bumper is pressed"));
+    bench.write("/operator/bumper", rcs::Bumper::default());
+    bench.drive_for(0.5, 60);
+    assert_eq!(bench.wheels(), [0.5, 0.5]);
+}
