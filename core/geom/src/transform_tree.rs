@@ -142,10 +142,27 @@ impl TransformTree {
         time_ns: u64,
         parent_from_child: Pose,
     ) -> Result<(), TransformError> {
+        self.insert_as_of(parent, child, time_ns, parent_from_child, u64::MAX)
+    }
+
+    /// As [`TransformTree::insert`], for a sample that arrives at `now_ns`. If it is not from the future, the samples of the
+    /// same transform that are later than `now_ns` are forgotten: a clock was wrong. By them, what arrives until that time
+    /// would be too old to keep, and none of it too old to use.
+    pub fn insert_as_of(
+        &mut self,
+        parent: &str,
+        child: &str,
+        time_ns: u64,
+        parent_from_child: Pose,
+        now_ns: u64,
+    ) -> Result<(), TransformError> {
         self.check_edge(parent, child, &parent_from_child)?;
         let history_ns = self.history_ns;
         if let Some(Link { edge: Edge::Timed(samples), .. }) = self.links.get_mut(child) {
             let samples = Arc::make_mut(samples);
+            while time_ns <= now_ns && samples.back().is_some_and(|&(t, _)| t > now_ns) {
+                samples.pop_back();
+            }
             let at = samples.partition_point(|&(t, _)| t < time_ns);
             match samples.get_mut(at) {
                 Some(sample) if sample.0 == time_ns => sample.1 = parent_from_child,
@@ -183,6 +200,11 @@ impl TransformTree {
         let (target_chain, source_chain) = self.chains(target, source)?;
         let newest = |(_, link): &(&str, &Link)| link.span().map(|(_, last)| last);
         Ok(target_chain.iter().chain(&source_chain).filter_map(newest).min())
+    }
+
+    /// Whether it has no transform.
+    pub fn is_empty(&self) -> bool {
+        self.links.is_empty()
     }
 
     /// Names of all frames, sorted.

@@ -92,6 +92,22 @@ fn history_forgets_what_is_too_old_to_interpolate_from() {
 }
 
 #[test]
+fn a_sample_from_the_future_is_forgotten_when_the_next_one_arrives_that_is_not() {
+    let mut tree = TransformTree::with_history_ns(1000);
+    let mut insert = |time: u64, now: u64| {
+        tree.insert_as_of("local", "vehicle", time, translated(time as f64), now).unwrap();
+        tree.newest("local", "vehicle").unwrap()
+    };
+    assert_eq!(insert(10, 20), Some(10));
+    // A clock that is always ahead forgets nothing.
+    assert_eq!([insert(500, 30), insert(400, 40)], [Some(500); 2]);
+    assert_eq!(insert(50, 50), Some(50));
+    assert_eq!(insert(40, 60), Some(50), "a late one is not from the future");
+    assert!(near(&tree.lookup("local", "vehicle", 45).unwrap(), &translated(45.0)));
+    assert!(near(&tree.lookup("local", "vehicle", 10).unwrap(), &translated(10.0)));
+}
+
+#[test]
 fn a_snapshot_is_not_changed_by_later_samples() {
     let mut tree = tree();
     let snapshot = tree.clone();

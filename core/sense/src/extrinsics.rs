@@ -5,6 +5,7 @@ use rcs_geom::{CameraError, DVec3, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::CameraCalibration;
 use rcs_msg::rcs::{Mount, PoseSource, VehiclePose};
+use rcs_runtime::{Cycle, In, Msg};
 use std::sync::LazyLock;
 
 /// If the z component of the vehicle's up axis is below this, the vehicle lies on its side, and its sensors tell
@@ -120,6 +121,21 @@ pub fn camera_of(calibration: &CameraCalibration) -> Result<PinholeCamera, Camer
         &calibration.distortion_model,
         &calibration.d,
     )
+}
+
+/// Reads a port of calibrations: the newest unread one. A process without a camera (`has_camera` is false) also gets the
+/// newest one that has been read before, if it is one of a camera: after `INIT` the process has lost what it had read, and
+/// many drivers send the calibration only once.
+pub fn read_calibration(
+    port: &In<CameraCalibration>,
+    has_camera: bool,
+    cx: &mut Cycle<'_>,
+) -> Option<Msg<CameraCalibration>> {
+    let unread = cx.read_newest(port);
+    if has_camera || unread.is_some() {
+        return unread;
+    }
+    cx.latest(port).filter(|calibration| camera_of(calibration).is_ok())
 }
 
 #[cfg(test)]

@@ -11,9 +11,9 @@ pub struct InOrder {
 
 impl InOrder {
     /// Takes the time of a message. If it is not newer than the one before, returns by how much it is older, s. A time from
-    /// the future does not count as the one before: all others would be older until the clock is there.
+    /// the future does not make others older, which would all be refused until the clock is there, but does not count twice.
     pub fn take(&mut self, time: Stamp, now: Stamp) -> Result<(), f64> {
-        if let Some(last) = self.last.filter(|last| (time..=now).contains(last)) {
+        if let Some(last) = self.last.filter(|&last| last == time || (time..=now).contains(&last)) {
             return Err(last.seconds_since(time));
         }
         self.last = Some(time);
@@ -37,5 +37,14 @@ mod tests {
         assert_eq!(take(3600, 12), Ok(()));
         assert_eq!(take(12, 13), Ok(()));
         assert_eq!(take(11, 13), Err(1.0));
+    }
+
+    #[test]
+    fn what_comes_twice_from_a_sensor_whose_clock_is_ahead_is_refused() {
+        let ms = |ms: u64| Stamp(ms * 1_000_000);
+        let mut order = InOrder::default();
+        assert_eq!(order.take(ms(28_000), ms(10_000)), Ok(()));
+        assert_eq!(order.take(ms(28_000), ms(10_200)), Err(0.0));
+        assert_eq!(order.take(ms(28_200), ms(10_400)), Ok(()));
     }
 }

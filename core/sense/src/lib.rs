@@ -46,7 +46,7 @@ mod standing;
 mod worth;
 
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
-pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, upright};
+pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, read_calibration, upright};
 pub use image_check::{
     ImageCheck, ImageFault, check_exposure, check_size, fingerprint, fingerprint_of_texts, luma, size_of,
 };

@@ -70,41 +70,81 @@ impl Default for Localizer {
 }
 
 impl Localizer {
-    /// Adds odometry: the pose of its body frame (the vehicle frame if it names none) in its frame.
+    /// Adds odometry that arrives at `now`: the pose of its body frame (the vehicle frame if it names none) in its frame.
+    /// A pose that is not from the future replaces those that are.
     pub fn add_odometry(
         &mut self,
         odometry: &foxglove::Odometry,
         time: Stamp,
         names: FrameNames<'_>,
+        now: Stamp,
     ) -> Result<(), LocalizerError> {
         let body = if odometry.body_frame_id.is_empty() { names.vehicle } else { &odometry.body_frame_id };
         let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id)?;
-        Ok(self.tree.insert(&odometry.frame_id, body, time.0, pose)?)
+        Ok(self.tree.insert_as_of(&odometry.frame_id, body, time.0, pose, now.0)?)
     }
 
-    /// Adds a pose of the stream: that of [`FrameNames::pose`] in the frame of the message.
-    pub fn add_pose(&mut self, message: &foxglove::PoseInFrame, time: Stamp) -> Result<(), LocalizerError> {
+    /// Adds a pose of the stream that arrives at `now`: that of [`FrameNames::pose`] in the frame of the message. A pose
+    /// that is not from the future replaces those that are.
+    pub fn add_pose(
+        &mut self,
+        message: &foxglove::PoseInFrame,
+        time: Stamp,
+        now: Stamp,
+    ) -> Result<(), LocalizerError> {
         let pose = pose_of(message.pose.as_ref(), &message.frame_id)?;
-        Ok(self.tree.insert(&message.frame_id, STREAM, time.0, pose)?)
+        Ok(self.tree.insert_as_of(&message.frame_id, STREAM, time.0, pose, now.0)?)
     }
 
-    /// Adds transforms, at their times or as static ones.
+    /// Adds transforms, at their times or as static ones. Those that are refused do not keep out the others; the first
+    /// error is returned.
     pub fn add_transforms(
         &mut self,
         message: &foxglove::FrameTransforms,
         is_static: bool,
     ) -> Result<(), LocalizerError> {
-        for transform in &message.transforms {
+        self.add_each(message, |tree, transform, pose| {
             let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
-            let pose = parts(transform.translation.as_ref(), transform.rotation.as_ref(), child)?;
             if is_static {
-                self.tree.set_static(parent, child, pose)?;
+                tree.set_static(parent, child, pose)
             } else {
-                let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
-                self.tree.insert(parent, child, time.0, pose)?;
+                tree.insert(parent, child, time_of(transform).0, pose)
             }
+        })
+    }
+
+    /// As [`Localizer::add_transforms`], for transforms at their times that arrive at `now`. Those that are not from the
+    /// future replace those that are.
+    pub fn add_transforms_as_of(
+        &mut self,
+        message: &foxglove::FrameTransforms,
+        now: Stamp,
+    ) -> Result<(), LocalizerError> {
+        self.add_each(message, |tree, transform, pose| {
+            let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
+            tree.insert_as_of(parent, child, time_of(transform).0, pose, now.0)
+        })
+    }
+
+    /// Adds each transform of a message with `add`; returns the first error.
+    fn add_each(
+        &mut self,
+        message: &foxglove::FrameTransforms,
+        add: impl Fn(&mut TransformTree, &foxglove::FrameTransform, Pose) -> Result<(), TransformError>,
+    ) -> Result<(), LocalizerError> {
+        let mut result = Ok(());
+        for transform in &message.transforms {
+            let (translation, rotation) = (transform.translation.as_ref(), transform.rotation.as_ref());
+            let pose = parts(translation, rotation, &transform.child_frame_id);
+            let added = pose.and_then(|pose| Ok(add(&mut self.tree, transform, pose)?));
+            result = result.and(added);
         }
-        Ok(())
+        result
+    }
+
+    /// Whether nothing has been added.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.tree.is_empty()
     }
 
     /// Pose of the vehicle in the local frame at a time. If that is later than the newest pose, the newest one is used,
@@ -147,6 +187,11 @@ impl Localizer {
         }
         Ok(self.tree.lookup(target, source, newest.0)?)
     }
+}
+
+/// Time of a transform; 0 if it has none.
+fn time_of(transform: &foxglove::FrameTransform) -> Stamp {
+    transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or_default()
 }
 
 /// The pose of a message, checked.
@@ -210,18 +255,18 @@ mod tests {
     fn a_pose_farther_away_than_any_vehicle_gets_is_refused() {
         let mut localizer = Localizer::default();
         // UTM coordinates are not.
-        localizer.add_pose(&pose_at(1e7, "map"), Stamp(1)).unwrap();
-        let refused = localizer.add_pose(&pose_at(-1e9, "map"), Stamp(2)).unwrap_err();
+        localizer.add_pose(&pose_at(1e7, "map"), Stamp(1), Stamp(1)).unwrap();
+        let refused = localizer.add_pose(&pose_at(-1e9, "map"), Stamp(2), Stamp(2)).unwrap_err();
         assert_eq!(refused.to_string(), "pose of \"map\" is 1e9 m from the origin, expected at most 5e7 m");
-        assert!(localizer.add_pose(&pose_at(f64::MAX, "map"), Stamp(3)).is_err());
+        assert!(localizer.add_pose(&pose_at(f64::MAX, "map"), Stamp(3), Stamp(3)).is_err());
     }
 
     #[test]
     fn a_stream_of_the_sensors_poses_tells_where_the_vehicle_is() {
         let mut localizer = Localizer::default();
         localizer.add_transforms(&mount(), true).unwrap();
-        localizer.add_pose(&pose_at(1.0, "map"), Stamp(1_000)).unwrap();
-        localizer.add_pose(&pose_at(2.0, "map"), Stamp(2_000)).unwrap();
+        localizer.add_pose(&pose_at(1.0, "map"), Stamp(1_000), Stamp(1_000)).unwrap();
+        localizer.add_pose(&pose_at(2.0, "map"), Stamp(2_000), Stamp(2_000)).unwrap();
         let pose = localizer.local_from_vehicle(NAMES, Stamp(1_500), 0.0).unwrap();
         assert!(pose.translation.abs_diff_eq(DVec3::new(1.3, 0.0, 0.0), 1e-12), "{pose:?}");
     }
@@ -230,7 +275,7 @@ mod tests {
     fn an_old_pose_is_not_taken_for_the_present_one() {
         let mut localizer = Localizer::default();
         localizer.add_transforms(&mount(), true).unwrap();
-        localizer.add_pose(&pose_at(1.0, "map"), Stamp(0)).unwrap();
+        localizer.add_pose(&pose_at(1.0, "map"), Stamp(0), Stamp(0)).unwrap();
         assert!(localizer.local_from_vehicle(NAMES, Stamp(400_000_000), 0.5).is_ok());
         let late = localizer.local_from_vehicle(NAMES, Stamp(600_000_000), 0.5);
         assert!(matches!(late, Err(LocalizerError::Stale { .. })), "{late:?}");
@@ -241,18 +286,58 @@ mod tests {
         let mut localizer = Localizer::default();
         let pose = Some(pose_message(&Pose::from_xy_yaw(3.0, 4.0, 1.0)));
         let odometry = foxglove::Odometry { frame_id: "map".to_owned(), pose, ..Default::default() };
-        localizer.add_odometry(&odometry, Stamp(5), NAMES).unwrap();
+        localizer.add_odometry(&odometry, Stamp(5), NAMES, Stamp(5)).unwrap();
         let pose = localizer.local_from_vehicle(NAMES, Stamp(5), 0.0).unwrap();
         assert!((pose.yaw() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_pose_from_the_future_is_forgotten_and_the_present_ones_are_kept_and_grow_old() {
+        let ms = |ms: u64| Stamp(ms * 1_000_000);
+        let mut localizer = Localizer::default();
+        for (x_m, time_ms, now_ms) in [(9.0, 3_600_000, 990), (1.0, 1_000, 1_010), (2.0, 1_100, 1_110)] {
+            let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 0.0, 0.0)));
+            let odometry = foxglove::Odometry { frame_id: "map".to_owned(), pose, ..Default::default() };
+            localizer.add_odometry(&odometry, ms(time_ms), NAMES, ms(now_ms)).unwrap();
+        }
+        let pose = localizer.local_from_vehicle(NAMES, ms(1_050), 0.5).unwrap();
+        assert!((pose.translation.x - 1.5).abs() < 1e-9, "{pose:?}");
+        let late = localizer.local_from_vehicle(NAMES, ms(50_000), 0.5);
+        assert!(matches!(late, Err(LocalizerError::Stale { .. })), "{late:?}");
+    }
+
+    #[test]
+    fn a_bad_transform_does_not_keep_out_the_others_of_its_message() {
+        let mut message = mount();
+        let imu = foxglove::FrameTransform {
+            child_frame_id: "imu".to_owned(),
+            rotation: Some(foxglove::Quaternion::default()),
+            ..message.transforms[0].clone()
+        };
+        message.transforms.insert(0, imu);
+        let of_length_0 = |result: Result<(), LocalizerError>| {
+            assert!(
+                matches!(result, Err(LocalizerError::Pose(PoseError::NotARotation { .. }))),
+                "{result:?}"
+            );
+        };
+        let (mut fixed, mut timed) = (Localizer::default(), Localizer::default());
+        of_length_0(fixed.add_transforms(&message, true));
+        of_length_0(timed.add_transforms_as_of(&message, Stamp(7)));
+        assert!(fixed.lookup("base", "lidar", Stamp(9), 0.0).is_ok());
+        assert!(timed.lookup("base", "lidar", Stamp(0), 0.0).is_ok());
     }
 
     #[test]
     fn poses_that_are_none_are_refused_and_leave_nothing_behind() {
         let mut localizer = Localizer::default();
         let missing = foxglove::PoseInFrame { frame_id: "map".to_owned(), ..Default::default() };
-        assert!(matches!(localizer.add_pose(&missing, Stamp(0)), Err(LocalizerError::Missing { .. })));
         assert!(matches!(
-            localizer.add_pose(&pose_at(f64::NAN, "map"), Stamp(0)),
+            localizer.add_pose(&missing, Stamp(0), Stamp(0)),
+            Err(LocalizerError::Missing { .. })
+        ));
+        assert!(matches!(
+            localizer.add_pose(&pose_at(f64::NAN, "map"), Stamp(0), Stamp(0)),
             Err(LocalizerError::Pose(PoseError::NotFinite { .. }))
         ));
         assert!(matches!(

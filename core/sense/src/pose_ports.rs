@@ -31,17 +31,25 @@ impl PosePorts {
 
     /// Adds all unread messages to the localizer. A refused message is a fault of the process, and is skipped.
     pub fn read(&self, localizer: &mut Localizer, names: FrameNames<'_>, cx: &mut Cycle<'_>) {
+        let now = cx.now();
         while let Some(message) = cx.read(&self.static_transforms) {
             report(cx, localizer.add_transforms(&message, true));
         }
+        // After `INIT` the localizer is empty, and static transforms may be sent only once. Of several messages, only the
+        // newest can be read again. What is refused in it has been reported before.
+        if localizer.is_empty()
+            && let Some(message) = cx.latest(&self.static_transforms)
+        {
+            let _ = localizer.add_transforms(&message, true);
+        }
         while let Some(message) = cx.read(&self.transforms) {
-            report(cx, localizer.add_transforms(&message, false));
+            report(cx, localizer.add_transforms_as_of(&message, now));
         }
         while let Some(message) = cx.read(&self.odometry) {
-            report(cx, localizer.add_odometry(&message, message.acq_time(), names));
+            report(cx, localizer.add_odometry(&message, message.acq_time(), names, now));
         }
         while let Some(message) = cx.read(&self.pose) {
-            report(cx, localizer.add_pose(&message, message.acq_time()));
+            report(cx, localizer.add_pose(&message, message.acq_time(), now));
         }
     }
 }

@@ -34,8 +34,9 @@ const BEFORE_LEVEL: f64 = 0.75;
 /// Measured: three of ten and more at a fence of mesh, none on soil.
 const SHAPED_TO_M: f64 = 7.0;
 const LEAST_SHAPED: f64 = 0.1;
-/// Number of cells to each side of a foot that are looked at for what towers over it, at most. Where the radius is larger,
-/// the foot is so far away that none of them is in a map of [`rcs_world::MAX_SIDE`] cells around the camera.
+/// Number of cells to each side of a foot that are looked at, at most, for what towers over it or stands there. Where the
+/// radius is larger, the foot is so far away that none of them is in a map of [`rcs_world::MAX_SIDE`] cells around the camera,
+/// or the cells are too small for any use.
 const MOST_BESIDE: f64 = 100.0;
 /// Nothing nearer to the camera than this, m, is looked at.
 const NEAREST_M: f64 = 0.5;
@@ -120,7 +121,7 @@ impl<'a> Screens<'a> {
 
     /// Whether an obstacle stands at a place on the ground or beside it; `None` where nothing is known by its shape.
     fn stands(&self, foot: DVec3) -> Option<bool> {
-        let cells = (SAME_M / self.cell_size_m).ceil() as i64;
+        let cells = (SAME_M / self.cell_size_m).ceil().clamp(0.0, MOST_BESIDE) as i64;
         let mut is_known = false;
         for (x, y) in square(cells) {
             let beside = foot + DVec3::new(x as f64, y as f64, 0.0) * self.cell_size_m;
@@ -165,7 +166,7 @@ pub(crate) mod tests {
     use glam::DVec2;
     use rcs_geom::CellIndex;
     use rcs_msg::Stamp;
-    use rcs_msg::foxglove::Grid;
+    use rcs_msg::foxglove::{Grid, Vector2};
     use rcs_world::{HeightStats, Map, MapOptions, Source, Sources, VoteRule, Weights};
 
     const CAMERA: DVec3 = DVec3::new(0.0, 0.0, 1.0);
@@ -313,6 +314,15 @@ pub(crate) mod tests {
         assert!(!nothing_stands(false, &[[8.1, 0.1], [9.1, 0.1]]), "they are far");
         assert!(!nothing_stands(false, &[[4.1, 5.0], [4.1, -3.0]]), "nothing is known there");
         assert!(!nothing_stands(false, &[]));
+    }
+
+    #[test]
+    fn in_a_map_of_tiny_cells_the_search_beside_a_foot_ends() {
+        let size = Some(Vector2 { x: 1e-6, y: 1e-6 });
+        let grid = Grid { cell_size: size, ..wall(1.5, Source::STEREO) };
+        let view = GridView::new(&grid).unwrap();
+        let screens = Screens::of(&view).unwrap();
+        assert!(!screens.nothing_stands(CAMERA, std::iter::once(DVec3::X)), "nothing is known there");
     }
 
     #[test]

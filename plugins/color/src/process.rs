@@ -20,7 +20,7 @@ use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, ImageCheck, ImageFault, InOrder, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of,
-    model_to_delete, upright,
+    model_to_delete, read_calibration, upright,
 };
 use rcs_world::GridView;
 use serde::{Deserialize, Serialize};
@@ -144,7 +144,10 @@ impl Process for ColorModelLearner {
     fn cycle(&mut self, ports: &Ports, params: &ColorModelsParams, cx: &mut Cycle<'_>) {
         while let Some(command) = cx.next_command::<Self>() {
             match command {
-                ColorModelsCommand::Clear => self.engine = initial_engine(params),
+                ColorModelsCommand::Clear => {
+                    self.engine = initial_engine(params);
+                    self.send_models(cx.now(), ports, cx);
+                }
                 ColorModelsCommand::Delete(model) => match self.delete(&model) {
                     Ok(()) => self.send_models(cx.now(), ports, cx),
                     Err(error) => cx.fault(format!("DELETE: {error}")),
@@ -160,9 +163,10 @@ impl Process for ColorModelLearner {
         if self.loaded != files(params) {
             self.engine = initial_engine(params);
             self.loaded = files(params);
+            self.send_models(cx.now(), ports, cx);
         }
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
-        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
             self.read_calibration(&calibration, cx);
         }
         let Some(image) = cx.read_newest(&ports.image) else {
@@ -271,7 +275,8 @@ impl ColorModelLearner {
 
     fn send_models(&mut self, time: Stamp, ports: &Ports, cx: &mut Cycle<'_>) {
         cx.write(&ports.models, time, to_message(&self.engine.models, time));
-        self.models_sent = Some(time);
+        // A time from the future would stop the sending until then.
+        self.models_sent = Some(time.min(cx.now()));
     }
 
     /// Deletes a model.

@@ -334,6 +334,56 @@ fn the_operator_stops_learning_and_makes_it_forget() {
 }
 
 #[test]
+fn what_was_cleared_is_withdrawn_and_another_model_file_is_told_at_once() {
+    let mut session = Session::new(begin(&with_calibration(drive(10, 5, MULCH, 1.0, 0.0)), 1, &[])).unwrap();
+    let models = |session: &mut Session, at_ms: u64| -> ColorModels {
+        session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
+        latest(session.run(), "/color/models")
+    };
+    let learned = models(&mut session, 900);
+    assert_eq!(learned.models.len(), 2);
+    // The last image was at 811 ms.
+    command(&mut session, 2, "CLEAR");
+    assert_eq!(models(&mut session, 940).models.len(), 0);
+    let mut params: ColorModelsParams = latest(session.run(), "/color/params");
+    params.models = to_json(&AnyMessage::new(learned)).unwrap();
+    session.write(ExternalEvent::operator("/color/params", AnyMessage::new(params))).unwrap();
+    assert_eq!(models(&mut session, 980).models.len(), 2);
+    assert_eq!(faults(session.run()).0, 0, "{}", faults(session.run()).1);
+}
+
+#[test]
+fn an_image_from_the_future_does_not_stop_the_sending_of_models() {
+    let ahead = RawImage { timestamp: Some(Stamp(3_600_000_000_000).to_proto()), ..scene(MULCH, 1) };
+    let images = (1..8).map(|i| give(100 + 200 * i, "/image", scene(MULCH, 1 + i)));
+    let given = with_calibration([give(100, "/image", ahead)].into_iter().chain(images));
+    let mut run = begin(&given, 1, &[("color.pose.source", "POSE_FIXED")]);
+    until(&mut run, 180);
+    let before = bench::sent(&run, "/color/models");
+    assert_eq!(before, 1);
+    until(&mut run, 1_600);
+    assert!(bench::sent(&run, "/color/models") > before);
+}
+
+#[test]
+fn after_init_the_calibration_that_was_sent_once_is_still_known() {
+    let given = with_calibration(drive(10, 8, MULCH, 1.0, 0.0));
+    let mut session = Session::new(begin(&given, 1, &[])).unwrap();
+    let go = |session: &mut Session, at_ms: u64| {
+        session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
+    };
+    go(&mut session, 700);
+    assert_eq!(faults(session.run()).0, 0, "{}", faults(session.run()).1);
+    command(&mut session, 2, "INIT");
+    go(&mut session, 740);
+    command(&mut session, 3, "RUN");
+    let before = sent(session.run());
+    go(&mut session, 1_700);
+    assert_eq!(faults(session.run()).0, 0, "{}", faults(session.run()).1);
+    assert!(sent(session.run()) > before);
+}
+
+#[test]
 fn models_are_scaled_when_the_sample_budget_changes() {
     let given = with_calibration(drive(10, 15, MULCH, 1.0, 0.0));
     let mut session = Session::new(begin(&given, 1, &[])).unwrap();

@@ -23,7 +23,9 @@ use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
 use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
+use rcs_sense::{
+    Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, pose_of, read_calibration,
+};
 use serde::{Deserialize, Serialize};
 
 /// State: transforms and the camera.
@@ -93,7 +95,7 @@ impl Process for LabelOverlay {
     fn cycle(&mut self, ports: &Ports, params: &LabelOverlayParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), params.mount.as_ref());
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
-        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
             self.camera = match camera_of(&calibration) {
                 Ok(camera) => Some((calibration.frame_id.clone(), camera)),
                 Err(error) => {

@@ -3,7 +3,7 @@
 
 use crate::cloud::CloudColumns;
 use crate::columns::{KnownGround, Strip, Survey};
-use crate::cost_map::{CostMap, Sure};
+use crate::cost_map::{Certainty, CostMap, Sure};
 use crate::depth_image::{DepthError, DepthImage, Rays, label_image, scan_strip};
 use crate::ground_map::GroundMap;
 use crate::params::{border_rule, certainty, extrinsics, negative_params, scan_params};
@@ -19,7 +19,7 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, RawImage};
 use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, InOrder, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
+use rcs_sense::{Axes, InOrder, Localizer, LocalizerError, PosePorts, camera_of, pose_of, read_calibration};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -132,7 +132,7 @@ impl Process for Obstacles {
 
     fn cycle(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
-        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
             self.read_calibration(&calibration, cx);
         }
         let mut seen = false;
@@ -200,7 +200,8 @@ impl Obstacles {
         let survey = self.survey(&sensor_pose, time, params, true);
         let mut strips =
             cx.pool().map(rays.strips(), |strip| scan_strip(&image, &rgb, &rays, strip, turn, &survey));
-        self.write_results(&mut strips, 0, &sensor_pose, time, ports, params, cx)?;
+        let certainty = certainty(params, self.camera.as_ref());
+        self.write_results(&mut strips, 0, &sensor_pose, time, certainty, ports, params, cx)?;
         let labels = RawImage {
             timestamp: Some(time.to_proto()),
             frame_id: message.frame_id.clone(),
@@ -243,7 +244,9 @@ impl Obstacles {
         let survey = self.survey(&sensor_pose, time, params, false);
         let mut strips = cx.pool().map(columns.strips(), |strip| columns.scan_strip(strip, &survey));
         let without_range = points.iter().filter(|point| point.is_none()).count() as u64;
-        self.write_results(&mut strips, without_range, &sensor_pose, time, ports, params, cx)?;
+        // The noise of stereo is that of depth images, which may come beside clouds.
+        let certainty = certainty(params, None);
+        self.write_results(&mut strips, without_range, &sensor_pose, time, certainty, ports, params, cx)?;
         let labels = columns.labels(&strips, points.len());
         cx.write(&ports.points, time, labelled_cloud(message, &cloud, &origin, &labels));
         Ok(())
@@ -317,6 +320,7 @@ impl Obstacles {
         without_range: u64,
         sensor_pose: &SensorPose,
         time: Stamp,
+        certainty: Certainty,
         ports: &Ports,
         params: &ObstaclesParams,
         cx: &mut Cycle<'_>,
@@ -327,7 +331,6 @@ impl Obstacles {
         }
         let (negative, negative_cells) = self.mark_negative(strips, sensor_pose, time, params);
         let sensor = sensor_pose.placement.sensor;
-        let certainty = certainty(params, self.camera.as_ref());
         let mut map =
             CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor, params.max_range_m, certainty);
         self.confirm(&mut map, strips, sensor_pose.centre, params);

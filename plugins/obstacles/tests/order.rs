@@ -1,13 +1,19 @@
-//! `obstacles` on the bench: range data that come twice or late.
+//! `obstacles` on the bench: range data that come twice or late, what is known after `INIT`, and what the votes of clouds are
+//! worth.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{PackedElementField, PointCloud};
+use rcs_msg::foxglove::{
+    CameraCalibration, FrameTransform, FrameTransforms, Grid, PackedElementField, PointCloud, Quaternion,
+    Vector3,
+};
+use rcs_msg::rcs::Command;
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_obstacles::Obstacles;
 use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_testkit::bench::{Bench, Setup};
+use rcs_world::GridView;
 
 const STACK: &str = r#"
 format = 1
@@ -65,4 +71,54 @@ fn a_cloud_that_comes_twice_or_late_is_a_fault_and_one_from_the_future_does_not_
     assert_eq!(give(&mut bench, 950), (2, 2));
     assert_eq!(give(&mut bench, 3_600_000), (3, 2));
     assert_eq!(give(&mut bench, 1_000), (4, 2));
+}
+
+#[test]
+fn after_init_the_static_transforms_that_were_sent_once_are_still_known() {
+    let stack = STACK
+        .replace("mount = { fixed = true, height_m = 1.0 }", "mount = { fixed = false }")
+        .replace("/operator/cloud\" }", "/operator/cloud\", static_transforms = \"/operator/static\" }");
+    let mut bench = Setup::new(&stack, &[ProcessType::of::<Obstacles>()]).bench();
+    let transform = FrameTransform {
+        parent_frame_id: "vehicle".to_owned(),
+        child_frame_id: "lidar".to_owned(),
+        translation: Some(Vector3 { x: 0.0, y: 0.0, z: 1.0 }),
+        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+        ..FrameTransform::default()
+    };
+    bench.write("/operator/static", FrameTransforms { transforms: vec![transform] });
+    bench.advance(1_000);
+    assert_eq!(give(&mut bench, 900), (1, 0));
+    for (serial, name) in [(2, "INIT"), (3, "RUN")] {
+        bench.write("/obstacles/command", Command { serial, name: name.to_owned(), ..Command::default() });
+        bench.cycles(50, 2);
+    }
+    assert_eq!(give(&mut bench, 1_100), (2, 0), "{}", bench.faults("obstacles").1);
+}
+
+#[test]
+fn the_votes_of_clouds_do_not_have_the_noise_of_the_stereo_camera_beside_them() {
+    let stack = STACK
+        .replace("[process.params]", "[process.params]\nbaseline_m = 0.1")
+        .replace("/operator/cloud\" }", "/operator/cloud\", calibration = \"/operator/calibration\" }");
+    let worths = |has_camera: bool| -> Vec<f64> {
+        let mut bench = Setup::new(&stack, &[ProcessType::of::<Obstacles>()]).bench();
+        if has_camera {
+            let calibration = CameraCalibration {
+                width: 320,
+                height: 240,
+                k: vec![250.0, 0.0, 159.5, 0.0, 250.0, 119.5, 0.0, 0.0, 1.0],
+                ..CameraCalibration::default()
+            };
+            bench.write("/operator/calibration", calibration);
+        }
+        bench.advance(1_000);
+        assert_eq!(give(&mut bench, 900), (1, 0), "{}", bench.faults("obstacles").1);
+        let grid: Grid = bench.latest("/obstacles/cost");
+        let view = GridView::new(&grid).unwrap();
+        view.field("worth.stereo").unwrap().values().collect()
+    };
+    let expected = worths(false);
+    assert!(expected.iter().any(|&worth| worth > 0.0));
+    assert_eq!(worths(true), expected);
 }

@@ -3,7 +3,7 @@
 use crate::appearance::RatioBins;
 use crate::frame::{Gathered, LabelledFrame, Rays, Spot, Window, gather, spots, strips};
 use crate::proto::TerrainLearnerParams;
-use crate::sync::Recent;
+use crate::sync::{Recent, not_ahead};
 use crate::texture::PaddedGrey;
 use crate::unusable::{Unusable, depths, labels};
 use rcs_geom::{PinholeCamera, Pose};
@@ -11,7 +11,7 @@ use rcs_msg::Stamp;
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Role};
-use rcs_sense::{Extrinsics, ImageCheck, Rgb, SAMPLE_PX, Sample, camera_of};
+use rcs_sense::{Extrinsics, ImageCheck, Rgb, SAMPLE_PX, Sample, camera_of, read_calibration};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -91,7 +91,7 @@ impl LearnerCamera {
         name: &str,
         cx: &mut Cycle<'_>,
     ) -> Option<(Stamp, RawImage)> {
-        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
             match camera_of(&calibration) {
                 Ok(camera) if self.camera.as_ref() == Some(&camera) => {}
                 Ok(camera) => (self.camera, self.rays) = (Some(camera), None),
@@ -106,6 +106,7 @@ impl LearnerCamera {
         {
             while let Some(message) = cx.read(port) {
                 let got = message.acq_time();
+                recent.forget_ahead(got, cx.now());
                 if let Err(newest) = recent.add(got, (*message).clone()) {
                     cx.fault(format!("{name} camera: {}; skipped", Unusable::Late { what, got, newest }));
                 }
@@ -113,7 +114,8 @@ impl LearnerCamera {
         }
         let message = cx.read_newest(&ports.labels)?;
         let got = message.acq_time();
-        if let Some(newest) = self.newest.filter(|&newest| newest >= got) {
+        let newest = not_ahead(self.newest, got, cx.now());
+        if let Some(newest) = newest.filter(|&newest| newest >= got) {
             cx.fault(format!(
                 "{name} camera: {}; skipped",
                 Unusable::Late { what: "label image", got, newest }

@@ -31,7 +31,7 @@ use crate::model_file::{ModelsError, matching_of, models_of_text};
 use crate::models::ModelSet;
 use crate::place::{Placed, View, Windows, place, region};
 use crate::proto::{ClassifierParams, ClassifierRegion, ClassifierStats, TerrainModels};
-use crate::sync::Recent;
+use crate::sync::{Recent, not_ahead};
 use crate::texture::PaddedGrey;
 use crate::unusable::{Unusable, depths};
 use rcs_geom::PinholeCamera;
@@ -40,7 +40,8 @@ use rcs_msg::classes::TRAVERSABLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, Extrinsics, ImageCheck, Localizer, PosePorts, camera_of, fingerprint_of_texts, upright,
+    Axes, Extrinsics, ImageCheck, Localizer, PosePorts, camera_of, fingerprint_of_texts, read_calibration,
+    upright,
 };
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -193,7 +194,7 @@ impl Process for Classifier {
 
 impl Classifier {
     fn read_camera_and_models(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
-        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
             let camera = camera_of(&calibration);
             self.camera = camera.map_err(|error| cx.fault(Unusable::from(error).to_string())).ok();
         }
@@ -212,7 +213,12 @@ impl Classifier {
             [(&ports.image, &mut self.images, "image"), (&ports.depth, &mut self.depths, "depth")]
         {
             while let Some(message) = cx.read(port) {
-                let got = message.acq_time();
+                let (got, now) = (message.acq_time(), cx.now());
+                recent.forget_ahead(got, now);
+                if what == "image" {
+                    self.first = not_ahead(self.first, got, now);
+                    self.done = not_ahead(self.done, got, now);
+                }
                 // A processed image is no longer kept, but images older than it are still refused.
                 let newest = recent.newest().max(if what == "image" { self.done } else { None });
                 if let Some(newest) = newest.filter(|&newest| newest >= got) {
@@ -238,7 +244,8 @@ impl Classifier {
             return Task::Classify(newest, false);
         }
         let depth = self.depths.newest();
-        if newest.seconds_since(depth.unwrap_or(first)) > params.stereo_timeout_s {
+        // A depth that is as far ahead of the images is from the future, and not of any of them.
+        if newest.seconds_since(depth.unwrap_or(first)).abs() > params.stereo_timeout_s {
             return Task::Classify(newest, false);
         }
         let Some(time) = depth else { return Task::Wait("waits for depth") };

@@ -252,7 +252,8 @@ impl CellGrid {
             let (column, row) = (along(&self.x, self.camera[0]), along(&self.y, self.camera[1]));
             // NaN, for a pixel without a ray, fails all comparisons.
             let inside = column >= 0.0 && column < limit && row >= 0.0 && row < limit;
-            let at = row as i32 * self.side as i32 + column as i32;
+            // Wraps outside of the window: the index of a distant point does not fit in 32 bits, and is not used.
+            let at = (row as i32).wrapping_mul(self.side as i32).wrapping_add(column as i32);
             *place = if inside { at as u32 } else { NOWHERE };
         }
     }

@@ -98,3 +98,19 @@ fn frames_without_labelled_points_say_nothing() {
     assert!(gathered.cells.is_empty());
     assert_eq!(gathered.used, [0; 64 * 16]);
 }
+
+#[test]
+fn a_distant_depth_has_no_cell() {
+    let mut scene = Scene::new([64, 48], Pose::IDENTITY, 5.0, 2.0, 1);
+    scene.depth_m[64 * 47] = 1e12;
+    let window = Window { corner_m: DVec2::splat(-20.0), cell_size_m: CELL_SIZE_M, side: 201 };
+    let gathered = gather(&scene.frame(), 1, &window, 10.0, &RatioBins::new(1.0));
+    assert_eq!(gathered.used[64 * 15], 0);
+    let rays = scene.frame().rays;
+    // The first pixel of the strip's last row, as if it had been used.
+    let used: Vec<u8> = (0..64 * 48).map(|i| u8::from(i == 64 * 47)).collect();
+    let strip = Gathered { cells: Vec::new(), used };
+    let from_camera = scene.frame().local_from_camera;
+    let found = spots(rays, &scene.depth_m, &from_camera, &window, &[strip], &[0]);
+    assert!(found.iter().all(Option::is_none), "{found:?}");
+}

@@ -9,6 +9,7 @@ use crate::map::{Learned, TerrainMap};
 use crate::model_file::models_of_text;
 use crate::models::{ModelRules, ModelSet};
 use crate::proto::{TerrainCamera, TerrainCameras, TerrainLearnerParams, TerrainModels, TerrainStats};
+use crate::sync::not_ahead;
 use crate::unusable::Unusable;
 use rcs_geom::CellIndex;
 use rcs_msg::Stamp;
@@ -185,7 +186,7 @@ impl Process for TerrainLearner {
             let Some((time, labels)) = self.cameras[side].read(camera_ports, SIDES[side], cx) else {
                 continue;
             };
-            self.begun = self.begun.or(Some(time));
+            self.begun = not_ahead(self.begun, time, cx.now()).or(Some(time));
             match self.cameras[side].frame(time, &labels, params) {
                 Ok(frame) => match self.learn(side, &frame, params, &rules, ports, cx) {
                     Ok(lesson) => lessons.push(lesson),

@@ -130,6 +130,14 @@ fn judgement(
     })
 }
 
+/// Corners of a patch in the local frame, m.
+fn corners(local_from_vehicle: &Pose, patch: &Patch) -> [DVec2; 4] {
+    [0, 1, 2, 3].map(|i| {
+        let corner = DVec3::new(patch.x[i & 1], patch.y[i >> 1], 0.0);
+        (*local_from_vehicle * corner).truncate()
+    })
+}
+
 /// Whether a position lies inside of an outline, by counting crossings.
 fn contains(outline: &[DVec2], at: DVec2) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
@@ -229,7 +237,7 @@ impl TerrainMap {
             let Some(cell) = self.cells.get_mut(index) else { continue };
             let cell = Arc::make_mut(cell.get_or_insert_default());
             let [x, y] = [place % SIDE, place / SIDE].map(|at| at as f64 - (SIDE / 2) as f64);
-            let is_near = CELL_SIZE_M * libm::hypot(x, y) <= rules.near_m;
+            let is_near = rules.near_m > 0.0 && CELL_SIZE_M * libm::hypot(x, y) <= rules.near_m;
             if is_near && !cell.is_near {
                 cell.come_near();
             } else if !is_near && cell.is_near {
@@ -351,9 +359,17 @@ impl TerrainMap {
         self.under = under;
     }
 
-    /// Adds obstacles to the cells of a patch that the bumper hit.
+    /// Adds obstacles to the cells of a patch that the bumper hit: those whose centres lie in it, or those of its corners where
+    /// it has no centre.
     pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
-        let hit = self.covered(local_from_vehicle, patch);
+        let mut hit = self.covered(local_from_vehicle, patch);
+        if hit.is_empty() {
+            let corners = corners(local_from_vehicle, patch).into_iter();
+            let cells = corners.filter_map(|corner| self.cells.cell_at(corner));
+            hit = cells.filter(|cell| self.cells.contains(*cell)).collect();
+            hit.sort_unstable();
+            hit.dedup();
+        }
         self.experience(&hit, Experience::Bumped, [gain; 2], OWN, rules);
         self.experienced[1] += hit.len() as u64;
     }
@@ -445,10 +461,7 @@ impl TerrainMap {
 
     /// Cells whose centres lie in a patch, sorted.
     fn covered(&self, local_from_vehicle: &Pose, patch: &Patch) -> Vec<CellIndex> {
-        let corners = [0, 1, 2, 3].map(|i| {
-            let corner = DVec3::new(patch.x[i & 1], patch.y[i >> 1], 0.0);
-            (*local_from_vehicle * corner).truncate()
-        });
+        let corners = corners(local_from_vehicle, patch);
         let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
         let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
         let (Some(low), Some(high)) = (self.cells.cell_at(low), self.cells.cell_at(high)) else {

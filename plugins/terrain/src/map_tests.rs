@@ -206,6 +206,29 @@ fn one_bump_keeps_what_was_hit_and_all_that_looks_like_it_above_200() {
 }
 
 #[test]
+fn a_hit_between_the_middles_of_cells_is_one_of_the_cells_of_its_corners() {
+    let mut map = empty();
+    let pose = Pose::from_xy_yaw(0.1, 0.1, 0.0);
+    // At 0.22 to 0.23 m of cells of 0.2 m.
+    map.bump(&pose, &Patch { x: [0.12, 0.13], y: [-0.15, 0.15] }, 30.0, &RULES);
+    let bumped: Vec<CellIndex> =
+        map.iter().filter(|(_, cell)| cell.terrain.bumped > 0).map(|(index, _)| index).collect();
+    assert_eq!(bumped, [CellIndex::new(1, -1), CellIndex::new(1, 1)]);
+    assert_eq!(map.experienced(), [0, 2, 0]);
+    map.bump(&Pose::from_xy_yaw(900.0, 0.1, 0.0), &Patch { x: [0.12, 0.13], y: [0.0, 0.1] }, 30.0, &RULES);
+    assert_eq!(map.experienced(), [0, 2, 0], "outside of the map");
+}
+
+#[test]
+fn with_a_near_range_of_0_not_even_the_cell_under_the_vehicle_is_near() {
+    let mut map = empty();
+    map.learn(&[(place(0, 0), terrain(7, 100, 0))], &ModelRules { near_m: 0.0, ..RULES });
+    assert!(!map.get(CellIndex::new(0, 0)).unwrap().is_near);
+    map.learn(&[(place(0, 0), terrain(7, 100, 0))], &RULES);
+    assert!(map.get(CellIndex::new(0, 0)).unwrap().is_near);
+}
+
+#[test]
 fn ground_on_which_the_wheels_have_spun_is_dear_wherever_it_looks_like_it_and_not_closed() {
     let mut map = empty();
     let row = |y: i64, texture: u16| (0..60).map(move |x| (place(x, y), terrain(texture, 100, 0)));

@@ -28,6 +28,14 @@ impl Recent {
         Ok(())
     }
 
+    /// Removes the images from the future if `time`, that of an image that arrives, is not after `now`: by them, all others
+    /// would be late until the clock is there.
+    pub fn forget_ahead(&mut self, time: Stamp, now: Stamp) {
+        if time <= now {
+            self.images.retain(|(other, _)| *other <= now);
+        }
+    }
+
     /// Time of the newest image.
     pub fn newest(&self) -> Option<Stamp> {
         self.images.back().map(|(time, _)| *time)
@@ -49,6 +57,11 @@ impl Recent {
     pub fn times(&self) -> impl DoubleEndedIterator<Item = Stamp> {
         self.images.iter().map(|(time, _)| *time)
     }
+}
+
+/// A kept time, unless it is from the future and `time`, that of an image that arrives, is not.
+pub fn not_ahead(kept: Option<Stamp>, time: Stamp, now: Stamp) -> Option<Stamp> {
+    kept.filter(|&kept| kept <= now || time > now)
 }
 
 /// An image as part of a process's state: its pixels are shared, and it is saved as a message.
@@ -90,5 +103,20 @@ mod tests {
         assert_eq!(recent.add(Stamp(20_000), image(1)), Err(Stamp(20_000)));
         recent.forget_before(Stamp(19_500));
         assert_eq!(recent.times().collect::<Vec<_>>(), [Stamp(20_000)]);
+    }
+
+    #[test]
+    fn an_image_from_the_future_does_not_make_others_late_and_a_clock_that_is_ahead_loses_none() {
+        let mut recent = Recent::default();
+        for time in [Stamp(9_000), Stamp(50_000), Stamp(51_000)] {
+            recent.forget_ahead(time, Stamp(10_000));
+            assert_eq!(recent.add(time, image(1)), Ok(()));
+        }
+        assert_eq!(recent.times().count(), 3);
+        recent.forget_ahead(Stamp(10_500), Stamp(11_000));
+        assert_eq!(recent.add(Stamp(10_500), image(1)), Ok(()));
+        assert_eq!(recent.times().collect::<Vec<_>>(), [Stamp(9_000), Stamp(10_500)]);
+        let kept = |time: u64| not_ahead(Some(Stamp(50_000)), Stamp(time), Stamp(11_000));
+        assert_eq!([kept(10_500), kept(49_000)], [None, Some(Stamp(50_000))]);
     }
 }

@@ -8,7 +8,7 @@ use rcs_msg::rcs::{
     Command, ExampleKind, ModelToDelete, PlanePoint, PlanePolygon, Status, TrainingExample, WaySlip,
 };
 use rcs_msg::{AnyMessage, Stamp, schema_of};
-use rcs_runtime::ProcessType;
+use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_terrain::proto::{ClassifierParams, TerrainLearnerParams, TerrainModels, TerrainStats};
 use rcs_terrain::{Classifier, TerrainLearner};
 use rcs_testkit::bench::{Bench, Setup};
@@ -72,6 +72,18 @@ fn image(encoding: &str, bytes_per_pixel: u32, data: Vec<u8>) -> RawImage {
 /// at the right.
 fn bench() -> Bench {
     let mut bench = Setup::new(STACK, PROCESSES).bench();
+    let [rgb, labels, depth] = scene();
+    bench.write("/operator/calibration", calibration());
+    bench.write("/operator/image", rgb);
+    bench.write("/operator/depth", depth);
+    bench.write("/operator/labels", labels);
+    bench.advance(100);
+    assert_eq!(bench.faults("terrain").0, 0, "{}", bench.faults("terrain").1);
+    bench
+}
+
+/// Image, labels and depth of the flat ground.
+fn scene() -> [RawImage; 3] {
     let camera = PinholeCamera::from_calibration(SIZE, &calibration().k, "plumb_bob", &[0.0; 5]).unwrap();
     let mount =
         Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 35_f64.to_radians(), 0.0) * Pose::body_from_optical();
@@ -86,13 +98,26 @@ fn bench() -> Bench {
             depth.extend((depth_m as f32).to_le_bytes());
         }
     }
-    bench.write("/operator/calibration", calibration());
-    bench.write("/operator/image", image("rgb8", 3, rgb));
-    bench.write("/operator/depth", image("32FC1", 4, depth));
-    bench.write("/operator/labels", image("mono8", 1, labels));
+    [image("rgb8", 3, rgb), image("mono8", 1, labels), image("32FC1", 4, depth)]
+}
+
+/// Gives an image of a time, whose first pixel makes it differ from others, with its depth and, where the stack reads them,
+/// its labels, and waits until they have been processed.
+fn give(bench: &mut Bench, time_ms: u64) {
+    let [mut rgb, labels, depth] = scene();
+    let mut data = rgb.data.to_vec();
+    data[0] = (time_ms / 100) as u8;
+    rgb.data = data.into();
+    for (buffer, image) in
+        [("/operator/image", rgb), ("/operator/labels", labels), ("/operator/depth", depth)]
+    {
+        let message = AnyMessage::new(image);
+        if bench.session.run().bus().get(buffer).is_none() {
+            continue;
+        }
+        bench.session.write(ExternalEvent::sensed(buffer, Stamp(time_ms * 1_000_000), message)).unwrap();
+    }
     bench.advance(100);
-    assert_eq!(bench.faults("terrain").0, 0, "{}", bench.faults("terrain").1);
-    bench
 }
 
 fn models(bench: &Bench) -> TerrainModels {
@@ -263,9 +288,7 @@ fn what_is_cleared_and_what_was_counted_in_other_bins_is_withdrawn_at_once() {
     assert_eq!(models(&other_bins).ratio_span_octaves, 1.0);
 }
 
-#[test]
-fn the_classifier_takes_another_model_file_while_it_runs() {
-    const STACK: &str = r#"
+const CLASSIFIER: &str = r#"
 format = 1
 name = "classifier"
 
@@ -280,7 +303,10 @@ image = "/operator/image"
 calibration = "/operator/calibration"
 odometry = "/operator/odometry"
 "#;
-    let mut bench = Setup::new(STACK, &[ProcessType::of::<Classifier>()]).bench();
+
+#[test]
+fn the_classifier_takes_another_model_file_while_it_runs() {
+    let mut bench = Setup::new(CLASSIFIER, &[ProcessType::of::<Classifier>()]).bench();
     bench.write("/operator/calibration", calibration());
     bench.write("/operator/image", image("rgb8", 3, GRASS.repeat((SIZE[0] * SIZE[1]) as usize)));
     bench.advance(100);
@@ -291,4 +317,37 @@ odometry = "/operator/odometry"
     bench.write("/classifier/params", params);
     bench.advance(100);
     assert_ne!(told(&bench), "waits for models");
+}
+
+/// A time that is an hour ahead, ms.
+const AHEAD_MS: u64 = 3_600_000;
+
+#[test]
+fn images_from_the_future_do_not_stop_the_learning() {
+    let mut bench = bench();
+    bench.advance(700);
+    for (count, time_ms) in (1..).zip([AHEAD_MS, 850, 950, 1_050]) {
+        give(&mut bench, time_ms);
+        assert_eq!(bench.faults("terrain"), (0, String::new()), "{time_ms} ms");
+        assert_eq!(bench.sent("/terrain/stats"), 1 + count, "{time_ms} ms");
+    }
+}
+
+#[test]
+fn images_from_the_future_do_not_stop_the_classifier() {
+    let models = rcs_msg::to_json(&AnyMessage::new(models(&self::bench()))).unwrap();
+    let stack = CLASSIFIER.replace("odometry = ", "depth = \"/operator/depth\"\nodometry = ")
+        + "\n[process.params]\npose = { source = \"POSE_FIXED\" }\nmount = { fixed = true, height_m = 1.0, pitch_deg = 35.0 }\n";
+    let mut bench = Setup::new(&stack, &[ProcessType::of::<Classifier>()]).bench();
+    bench.write("/operator/calibration", calibration());
+    bench.advance(100);
+    let mut params: ClassifierParams = bench.latest("/classifier/params");
+    params.models = models;
+    bench.write("/classifier/params", params);
+    bench.advance(700);
+    for (count, time_ms) in (1..).zip([AHEAD_MS, 850, 950, 1_050]) {
+        give(&mut bench, time_ms);
+        assert_eq!(bench.faults("classifier"), (0, String::new()), "{time_ms} ms");
+        assert_eq!(bench.sent("/classifier/stats"), count, "{time_ms} ms");
+    }
 }
