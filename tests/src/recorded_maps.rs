@@ -1,5 +1,7 @@
 //! Maps recorded as key frames and deltas, as every kind of reader gets them.
 
+use ocu_app::Ended;
+use ocu_app::cli::{CutArgs, DiffArgs, ExportArgs};
 use proptest::prelude::*;
 use rcs_geom::DVec2;
 use rcs_log::{Log, LogWriter, Recorder, RecorderOptions, WriteHeader, WriterOptions};
@@ -155,6 +157,53 @@ fn deltas_without_their_key_frame_are_skipped_and_told_and_never_a_wrong_map() {
     let problems = source.info().problems.join("\n");
     assert!(problems.contains("/wm1/map: map delta 21 follows map 20"), "{problems}");
     assert!(problems.contains("skipped up to the next key frame"), "{problems}");
+}
+
+#[test]
+fn a_part_that_is_cut_from_a_recording_shows_the_same_maps() {
+    let Recorded { maps, path, _folder } = recorded();
+    // From map 30 on, whose base is a delta, and a part of that part.
+    let (part, smaller) = (path.with_file_name("part.mcap"), path.with_file_name("smaller.mcap"));
+    for (log, output, from) in [(&path, &part, 5.8), (&part, &smaller, 1.0)] {
+        let args = CutArgs { log: log.clone(), from, to: None, output: output.clone(), force: false };
+        assert_eq!(ocu_app::cut::cut(&args, &mut Vec::new()).unwrap(), Ended::Well);
+    }
+    for (path, first) in [(&part, 30), (&smaller, 35)] {
+        let mut source = LogSource::new(&open(path)).unwrap();
+        for sequence in [first, first + 1, 50, 51, 60, COUNT, 40] {
+            source.seek(time_of(sequence), &Task::default()).unwrap();
+            assert_eq!(shown(&mut source, &maps), Some(sequence));
+        }
+        source.frame();
+        assert_eq!(source.info().problems.join("\n"), "");
+    }
+}
+
+#[test]
+fn a_field_is_exported_from_every_map_of_a_range_between_key_frames() {
+    let Recorded { path, _folder, .. } = recorded();
+    // Maps 30 to 40; the key frames are maps 1, 51 and 101.
+    let args = ExportArgs {
+        fields: vec![format!("{TOPIC}.pose.position.x")],
+        from: 5.8,
+        to: Some(7.8),
+        output: path.with_file_name("x.csv"),
+        force: false,
+        log: path,
+    };
+    let mut out = Vec::new();
+    let ended = ocu_app::export::export(&args, &mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert_eq!((ended, text.trim_end()), (Ended::Well, "/wm1/map.pose.position.x: 11 values"));
+}
+
+#[test]
+fn recordings_agree_whether_their_maps_were_recorded_whole_or_as_deltas() {
+    let Recorded { maps, path, _folder } = recorded();
+    let whole = path.with_file_name("whole.mcap");
+    record(&whole, &maps, None);
+    let args = DiffArgs { first: path, second: whole, json: false };
+    assert_eq!(ocu_app::diff::diff(&args, &mut Vec::new()).unwrap(), Ended::Well);
 }
 
 const STACK: &str = r#"

@@ -6,7 +6,8 @@
 //! This also holds for a map that has scrolled, because cells keep their place in memory.
 //!
 //! A delta names the message that it applies to, and a decoder applies it to no other: if a message is missing, deltas
-//! are refused until the next key frame.
+//! are refused until the next key frame. The message that it applies to may also be stored as a complete map with its own
+//! sequence number, as at the start of a part of a recording.
 
 use std::sync::Arc;
 
@@ -207,7 +208,10 @@ impl DeltaDecoder for Decoder {
         let Some(held) = &mut self.held else {
             return Err(format!("map delta {sequence} has no key frame {} before it", delta.key_sequence));
         };
-        if (held.key_sequence, held.sequence) != (delta.key_sequence, delta.base_sequence) {
+        // A whole map with the sequence of the base is the base: a part of a recording begins with it.
+        let is_whole = held.key_sequence == held.sequence;
+        let is_base = held.sequence == delta.base_sequence;
+        if !is_base || (held.key_sequence != delta.key_sequence && !is_whole) {
             return Err(format!(
                 "map delta {sequence} follows map {} of key frame {}, the last here is map {} of key frame {}",
                 delta.base_sequence, delta.key_sequence, held.sequence, held.key_sequence
@@ -222,7 +226,7 @@ impl DeltaDecoder for Decoder {
         };
         match applied(base, &delta) {
             Ok(message) => {
-                held.sequence = sequence;
+                (held.key_sequence, held.sequence) = (delta.key_sequence, sequence);
                 held.what = What::Map(Box::new(message.clone()));
                 Ok(message.into_message())
             }

@@ -161,6 +161,28 @@ proptest! {
 }
 
 #[test]
+fn deltas_follow_a_whole_map_that_was_stored_in_place_of_their_base() {
+    let entries = recorded(17, 60);
+    let is_delta = |entry: &Entry| entry.stored != Stored::Whole;
+    let first = entries.windows(2).position(|pair| pair.iter().all(is_delta)).unwrap();
+    let mut decoder = MAP_CODEC.decoder();
+    decoder.take_whole(entries[first].sequence, &key_frame(&entries[first].whole));
+    for entry in &entries[first + 1..] {
+        match &entry.stored {
+            Stored::Whole => decoder.take_whole(entry.sequence, &key_frame(&entry.whole)),
+            Stored::Delta(delta) => {
+                let message = decoder.take_delta(entry.sequence, delta).unwrap();
+                assert_eq!(message.bytes(), entry.whole.clone().into_message().bytes());
+            }
+        }
+    }
+    // A whole map with another sequence number is not the base.
+    decoder.take_whole(entries[first + 1].sequence, &key_frame(&entries[first].whole));
+    let Stored::Delta(delta) = &entries[first + 1].stored else { panic!("expected a delta") };
+    assert!(decoder.take_delta(entries[first + 1].sequence, delta).is_err());
+}
+
+#[test]
 fn a_delta_holds_only_what_changed() {
     let mut drive = Drive::new(3);
     let first = drive.next();

@@ -245,8 +245,11 @@ impl Experience {
             let sources = self.kinds.len();
             for (cell, said) in now.cells(sources) {
                 let Some(outcome) = self.outcome(said) else { continue };
-                // What was known before is not learned again.
-                if before.at(cell, sources).is_none_or(|said| self.outcome(said).is_some()) {
+                // What was known before is not learned again, also where it was uncertain in between.
+                let was_known = |earlier: &Arc<Earlier>| {
+                    earlier.at(cell, sources).is_some_and(|said| self.outcome(said).is_some())
+                };
+                if before.at(cell, sources).is_none() || self.earlier.iter().rev().any(was_known) {
                     continue;
                 }
                 let judged = self.earlier.iter().filter_map(|earlier| earlier.at(cell, sources));
@@ -296,7 +299,8 @@ impl Experience {
 pub struct FitRules {
     /// Weights that are tried.
     pub tried: Vec<f32>,
-    /// Greatest factor by which a weight changes, up or down; infinity for none. A weight of 0 can change to any.
+    /// Greatest factor by which a weight changes, up or down; infinity for none. A weight of 0 changes only where
+    /// the factor is infinite: otherwise a source that was turned off stays off.
     pub greatest_factor: f32,
     /// A weight is changed if the loss decreases by this share at least.
     pub least_gain: f64,
@@ -362,7 +366,7 @@ pub fn fit(samples: &Samples, weights: &Weights, rules: &FitRules) -> Result<Fit
         for &Weighted { source, weight: first, .. } in &sources {
             let now = best.get(source).weight;
             let within = |&&weight: &&f32| {
-                first == 0.0
+                (first == 0.0 && rules.greatest_factor.is_infinite())
                     || (weight <= first * rules.greatest_factor && weight >= first / rules.greatest_factor)
             };
             let tried = rules.tried.iter().filter(within).map(|&weight| {

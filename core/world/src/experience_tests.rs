@@ -31,20 +31,15 @@ fn row(y_m: f64) -> Vec<DVec2> {
 /// A drive: colour calls a free row and a row of obstacles the wrong way round, stereo says little of either at first.
 /// Then the free row is driven over, and stereo becomes sure of the other one.
 fn drive() -> Experience {
+    drive_with_maps().0
+}
+
+/// The same, with the map before these things are known and the last map, at the same place.
+fn drive_with_maps() -> (Experience, [Map; 2]) {
     let (free, blocked) = (row(0.1), row(2.1));
     let mut experience = Experience::new(&weights());
     let mut map = Map::with_side(61, 0.2).unwrap();
     map.recentre(DVec2::new(3.0, 0.0));
-    let take = |experience: &mut Experience, map: &Map, time_s: u64| {
-        let options = MapOptions {
-            sources: [Source::STEREO, Source::COLOR, Source::BUMPER].into_iter().collect(),
-            heights: false,
-            weights: weights(),
-        };
-        let time = Stamp(time_s * 1_000_000_000);
-        let message = MapMessage::new(map.clone(), "local", time, options);
-        experience.take(&GridView::of_map(&message), time).unwrap();
-    };
     vote(&mut map, Source::STEREO, 0, 1, &free);
     vote(&mut map, Source::STEREO, 250, 1, &blocked);
     vote(&mut map, Source::COLOR, 200, 12, &free);
@@ -53,11 +48,23 @@ fn drive() -> Experience {
     take(&mut experience, &map, 2);
     // The vehicle has moved on, and so has the map.
     map.recentre(DVec2::new(4.0, 0.4));
+    let unsure = map.clone();
     vote(&mut map, Source::STEREO, 250, 12, &blocked);
     vote(&mut map, Source::BUMPER, 0, 1, &free);
     take(&mut experience, &map, 3);
     take(&mut experience, &map, 4);
-    experience
+    (experience, [unsure, map])
+}
+
+fn take(experience: &mut Experience, map: &Map, time_s: u64) {
+    let options = MapOptions {
+        sources: [Source::STEREO, Source::COLOR, Source::BUMPER].into_iter().collect(),
+        heights: false,
+        weights: weights(),
+    };
+    let time = Stamp(time_s * 1_000_000_000);
+    let message = MapMessage::new(map.clone(), "local", time, options);
+    experience.take(&GridView::of_map(&message), time).unwrap();
 }
 
 #[test]
@@ -68,6 +75,14 @@ fn what_was_said_before_is_a_sample_once_it_is_known_what_the_cell_is() {
     assert_eq!(judged.count, [60, 0, 60]);
     assert_eq!(judged.unknown, [0; 3]);
     assert!(judged.wrong[0] > 0, "{judged:?}");
+}
+
+#[test]
+fn a_cell_that_was_uncertain_for_some_time_is_not_learned_again() {
+    let (mut experience, [unsure, sure]) = drive_with_maps();
+    take(&mut experience, &unsure, 5);
+    take(&mut experience, &sure, 6);
+    assert_eq!(experience.samples().judge(&weights()).count, [60, 0, 60]);
 }
 
 #[test]
@@ -82,6 +97,26 @@ fn a_fit_lowers_the_weight_of_the_source_that_was_wrong() {
     let bounded = super::fit(experience.samples(), &weights(), &bounded).unwrap();
     assert_eq!(bounded.weights.get(Source::COLOR).weight, 0.3, "the least within the factor");
     assert_eq!(bounded.changes.len(), 1);
+}
+
+#[test]
+fn a_source_that_was_turned_off_stays_off_unless_its_weight_may_change_by_any_factor() {
+    let samples = drive().samples().clone();
+    // Stereo, which was right, is off; colour alone decides, and was wrong.
+    let other: Source = "radar".parse().unwrap();
+    let kinds = [
+        (other, 1.0, SourceKind::Range),
+        (Source::STEREO, 0.0, SourceKind::Range),
+        (Source::COLOR, 0.5, SourceKind::Learned),
+        (Source::BUMPER, 1.0, SourceKind::Override),
+    ];
+    let weights: Weights =
+        kinds.into_iter().map(|(source, weight, kind)| Weighted { source, weight, kind }).collect();
+    for (greatest_factor, is_off) in [(4.0, true), (f32::INFINITY, false)] {
+        let rules = FitRules { greatest_factor, ..FitRules::default() };
+        let fit = fit(&samples, &weights, &rules).unwrap();
+        assert_eq!(fit.weights.get(Source::STEREO).weight == 0.0, is_off, "{fit:?}");
+    }
 }
 
 #[test]

@@ -36,18 +36,22 @@ pub(crate) struct Cut {
 /// Writes the range named on the command line.
 pub fn cut(args: &CutArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut files = Files::new(args.force);
-    files.reads("the recording that is cut", &args.log);
+    files.reads_log("the recording that is cut", &args.log);
     files.writes("--output", &args.output)?;
     let log = stacks::open_log(&args.log)?;
     let info = log.info();
     let length_s = info.end.seconds_since(info.start);
     let to_s = args.to.unwrap_or(length_s);
-    if args.from >= to_s {
-        return Err(usage(format!("--from is {} s; expected less than --to, {to_s} s", args.from)));
+    if info.messages == 0 {
+        let text = format!("the recording has no message; expected one at least: {}", args.log.display());
+        return Err(usage(text));
     }
     if args.from > length_s {
         let text = format!("--from is {} s; expected at most {length_s:.3} s, where it ends", args.from);
         return Err(usage(text));
+    }
+    if args.to.is_some_and(|to_s| args.from >= to_s) {
+        return Err(usage(format!("--from is {} s; expected less than --to, {to_s} s", args.from)));
     }
     let at = |seconds: f64| info.start.after_ns((seconds * 1e9).round() as u64);
     let (from, to) = (at(args.from), at(to_s).min(info.end));
@@ -204,6 +208,30 @@ mod tests {
         assert_eq!(transforms, Some(transforms_before), "all of them, also from before the range");
         let surplus = part_messages.len() - whole_messages.len();
         assert!((1..=6).contains(&surplus), "{surplus} carried");
+    }
+
+    #[test]
+    fn a_recording_of_one_instant_is_cut_as_a_whole_and_an_empty_one_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let [path, output] = ["instant.mcap", "part.mcap"].map(|name| dir.path().join(name));
+        let write = |messages: u32| {
+            let options = WriterOptions { replace: true, ..WriterOptions::default() };
+            let mut writer = LogWriter::create(&path, options).unwrap();
+            let schema = rcs_msg::schema_of::<rcs_msg::rcs::Status>();
+            let channel = writer.add_channel("/status", schema, &BTreeMap::new()).unwrap();
+            for sequence in 0..messages {
+                let header = WriteHeader { sequence, log_time: Stamp(7), publish_time: Stamp(7) };
+                writer.write(channel, header, &[]).unwrap();
+            }
+            writer.finish().unwrap();
+        };
+        let args = CutArgs { log: path.clone(), from: 0.0, to: None, output: output.clone(), force: false };
+        write(0);
+        let error = cut(&args, &mut Vec::new()).unwrap_err().to_string();
+        assert!(error.contains("has no message"), "{error}");
+        write(2);
+        assert_eq!(cut(&args, &mut Vec::new()).unwrap(), Ended::Well);
+        assert_eq!(stacks::open_log(&output).unwrap().info().messages, 2);
     }
 
     #[test]

@@ -1,16 +1,15 @@
 //! `ocu diff`: compares two recordings and reports the first difference.
 
 use crate::cli::DiffArgs;
-use crate::parts;
-use crate::run::Comparison;
+use crate::run::{Comparison, LogDamage};
+use crate::{Ended, stacks};
 use anyhow::Context as _;
-use rcs_log::Log;
 use std::io::Write;
 
-/// Compares two recordings and prints the result; `false` if they differ.
-pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
-    let (first, second) =
-        (Log::open_parts(&parts::of(&args.first)?)?, Log::open_parts(&parts::of(&args.second)?)?);
+/// Compares two recordings and prints the result: [`Ended::Failed`] if they differ, [`Ended::Damaged`] if they agree as
+/// far as they can be read.
+pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
+    let (first, second) = (stacks::open_log(&args.first)?, stacks::open_log(&args.second)?);
     let comparison = Comparison::new(rcs_runtime::diff(&first, &second)?.as_ref());
     // Includes damage found while reading, such as map deltas that could not be applied and were not compared.
     for (log, path) in [(&first, &args.first), (&second, &args.second)] {
@@ -24,5 +23,9 @@ pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     } else {
         writeln!(out, "{}", comparison.line())?;
     }
-    Ok(comparison.equal)
+    if !comparison.equal {
+        return Ok(Ended::Failed);
+    }
+    let damaged = [&first, &second].into_iter().find(|log| LogDamage::of(log).is_some());
+    Ok(Ended::after(damaged))
 }

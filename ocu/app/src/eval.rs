@@ -5,7 +5,7 @@ use crate::cli::{
     EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs, Param,
     StereoMethod,
 };
-use crate::{Ended, stacks, usage};
+use crate::{Ended, runs, stacks, usage};
 use rcs_eval::{ClassReport, EvalError, classify, color, obstacles, plan, stereo};
 use rcs_log::Log;
 use rcs_runtime::RunOptions;
@@ -93,8 +93,10 @@ fn classes(args: &EvalClassifyArgs, log: Option<&Log>) -> anyhow::Result<ClassRe
         return classify::recording(&job, log).map_err(told);
     };
     let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
+    let plan = stacks::plan(stack, args.course.as_deref(), &overrides)?;
+    runs::check(&plan, log, args.until, args.course.is_some())?;
     let run = classify::StackRun {
-        plan: stacks::plan(stack, args.course.as_deref(), &overrides)?,
+        plan,
         log,
         options: RunOptions { seed: args.seed, ..stacks::options() },
         until_s: args.until,

@@ -13,7 +13,7 @@ use std::io::Write;
 /// Writes the table named on the command line.
 pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut files = Files::new(args.force);
-    files.reads("the recording that is read", &args.log);
+    files.reads_log("the recording that is read", &args.log);
     files.writes("--output", &args.output)?;
     let formulas: Vec<Formula> = args
         .fields

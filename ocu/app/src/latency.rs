@@ -190,7 +190,7 @@ impl Ages {
     }
 
     fn count(&mut self, buffer: String, writer: String, log_ns: u64, acq_ns: u64) {
-        let since = |earlier_ns: u64| log_ns as i64 - earlier_ns as i64;
+        let since = |earlier_ns: u64| duration_ns(earlier_ns, log_ns);
         if let Some(info) = self.processes.get(&writer) {
             for input in info.inputs.iter().filter(|input| input.buffer != buffer) {
                 let shown = self.seen.get(&input.buffer).and_then(|seen| seen.get(&acq_ns));
@@ -215,6 +215,11 @@ impl Ages {
         };
         Report { buffers: self.buffers.iter().map(buffer).collect() }
     }
+}
+
+/// Time from one stamp to another; the nearest one that fits where they are too far apart.
+fn duration_ns(from_ns: u64, to_ns: u64) -> i64 {
+    (i128::from(to_ns) - i128::from(from_ns)).clamp(i64::MIN.into(), i64::MAX.into()) as i64
 }
 
 fn human(report: &Report, out: &mut dyn Write) -> anyhow::Result<()> {
@@ -244,4 +249,17 @@ fn human(report: &Report, out: &mut dyn Write) -> anyhow::Result<()> {
         "\nAge: from when it was sensed until it became visible. From: since that input showed the same moment."
     )?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_duration_between_any_two_stamps_is_the_nearest_that_fits() {
+        assert_eq!([duration_ns(3, 8), duration_ns(8, 3)], [5, -5]);
+        // The stamps of one recording may be on both sides of the largest signed number.
+        assert_eq!(duration_ns(i64::MAX as u64 - 1, i64::MAX as u64 + 2), 3);
+        assert_eq!([duration_ns(0, u64::MAX), duration_ns(u64::MAX, 0)], [i64::MAX, i64::MIN]);
+    }
 }

@@ -160,7 +160,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
     let result = match &cli.command {
         None => window::run(&cli.window).map(|()| Ended::Well),
         Some(Command::Run(args)) => run::run(args, out),
-        Some(Command::Diff(args)) => diff::diff(args, out).map(Ended::from),
+        Some(Command::Diff(args)) => diff::diff(args, out),
         Some(Command::Info(args)) => info::info(args, out).map(|()| Ended::Well),
         Some(Command::Check(args)) => check::check(args, out),
         Some(Command::Cut(args)) => cut::cut(args, out),

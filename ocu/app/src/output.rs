@@ -3,7 +3,7 @@
 //! Files are identified by device and inode, so that different spellings, links or handles of one file are recognized.
 //! All checks are made before any file is opened.
 
-use crate::usage;
+use crate::{parts, usage};
 use anyhow::Context as _;
 use std::fs::OpenOptions;
 use std::io::Write as _;
@@ -53,6 +53,13 @@ impl Files {
         if let Some(identity) = Identity::of(path) {
             self.used.push((identity, what.to_owned()));
         }
+    }
+
+    /// Adds a recording that is read, with all files into which it was split. A path that is no recording is refused when
+    /// it is opened.
+    pub(crate) fn reads_log(&mut self, what: &str, path: &Path) {
+        self.reads(what, path);
+        parts::of(path).unwrap_or_default().iter().for_each(|part| self.reads(what, part));
     }
 
     /// Adds a file that the flag `flag` writes. Refuses a file in use, a path that is not a regular file, and an
@@ -174,6 +181,22 @@ mod tests {
         assert!(refused(true, ToOwned::to_owned).unwrap().contains("a folder"));
         assert!(refused(true, |_| "/dev/null".into()).unwrap().contains("a device"));
         assert!(refused(true, |dir| dir.join("no/new")).unwrap().contains("a folder that is there"));
+    }
+
+    #[test]
+    fn no_part_of_a_recording_that_is_read_is_written_to() {
+        let dir = tempfile::tempdir().unwrap();
+        let part = |number: u32| dir.path().join(format!("drive_{number}.mcap"));
+        (0..3).for_each(|number| std::fs::write(part(number), "a recording").unwrap());
+        for named in [part(0), dir.path().to_owned()] {
+            let mut files = Files::new(true);
+            files.reads_log("the recording", &named);
+            for number in 0..3 {
+                let error = files.writes("--output", &part(number)).unwrap_err().to_string();
+                assert!(error.contains("the file is the recording"), "{error}");
+            }
+            files.writes("--output", &part(3)).unwrap();
+        }
     }
 
     #[test]

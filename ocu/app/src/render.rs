@@ -14,7 +14,7 @@ use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, ImageFormat, RgbaImage};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Frame, Source, Task};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -24,6 +24,8 @@ const MOST_PASSES: usize = 40;
 const LEAST_PASSES: usize = 3;
 /// Maximum number of pictures of an animation.
 const MOST_PICTURES: usize = 1000;
+/// Maximum time that a picture of an animation is shown, s: a GIF has 16 bits for it, in hundredths of a second.
+const MOST_SHOWN_S: f64 = 655.35;
 /// Of 1 to 30: how fast, and how coarsely, the colours of an animation are chosen.
 const GIF_SPEED: i32 = 10;
 
@@ -31,16 +33,12 @@ const GIF_SPEED: i32 = 10;
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let times = times(args)?;
     let mut files = Files::new(args.force);
-    let texts = [&args.stack, &args.course].into_iter().flatten().map(std::path::Path::new);
+    let texts = [&args.stack, &args.course].into_iter().flatten().map(Path::new);
     let layout = args.layout.as_deref();
-    for path in args
-        .log
-        .iter()
-        .chain(&args.against)
-        .map(PathBuf::as_path)
-        .chain(texts)
-        .chain(layout.map(std::path::Path::new))
-    {
+    for path in args.log.iter().chain(&args.against) {
+        files.reads_log("the recording that is read", path);
+    }
+    for path in texts.chain(layout.map(Path::new)) {
         files.reads("a file that is read", path);
     }
     files.writes("--output", &args.output)?;
@@ -92,14 +90,22 @@ fn times(args: &RenderArgs) -> anyhow::Result<Vec<f64>> {
     if args.every <= 0.0 || args.speed <= 0.0 {
         return Err(usage("--every and --speed: expected more than 0".to_owned()));
     }
-    let count = ((to_s - args.at) / args.every + 1e-9).floor() as usize + 1;
-    if count > MOST_PICTURES {
+    // It may be larger than any integer.
+    let count = ((to_s - args.at) / args.every + 1e-9).floor() + 1.0;
+    if count > MOST_PICTURES as f64 {
         return Err(usage(format!(
             "--every {} s gives {count} pictures; expected at most {MOST_PICTURES}",
             args.every
         )));
     }
-    Ok((0..count).map(|picture| args.at + picture as f64 * args.every).collect())
+    let shown_s = args.every / args.speed;
+    if shown_s > MOST_SHOWN_S {
+        return Err(usage(format!(
+            "--every {} s with --speed {} shows each picture for {shown_s} s; expected at most {MOST_SHOWN_S} s",
+            args.every, args.speed
+        )));
+    }
+    Ok((0..count as usize).map(|picture| args.at + picture as f64 * args.every).collect())
 }
 
 /// The state of a source `at_s` seconds after its start, including its complete tracks.

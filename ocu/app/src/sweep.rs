@@ -164,6 +164,12 @@ impl<'a> Prepared<'a> {
 
 /// Every combination of values and seeds. The last parameter changes first.
 fn variants(args: &SweepArgs) -> anyhow::Result<Vec<Variant>> {
+    let mut paths: Vec<&str> = args.params.iter().map(|values| values.path.as_str()).collect();
+    paths.sort_unstable();
+    if let Some(pair) = paths.windows(2).find(|pair| pair[0] == pair[1]) {
+        let path = pair[0];
+        return Err(usage(format!("--param {path} is given twice; expected all its values in one list")));
+    }
     let mut runs = args.params.iter().map(|values| values.values.len()).chain([args.runs as usize]);
     let runs = runs.try_fold(1, usize::checked_mul).unwrap_or(usize::MAX);
     if runs > MOST {
@@ -206,7 +212,7 @@ fn check_files(args: &SweepArgs, variants: &[Variant]) -> anyhow::Result<()> {
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let mut files = Files::new(args.force);
     if let Some(log) = &args.log {
-        files.reads("the log", log);
+        files.reads_log("the log", log);
     }
     for path in crate::assets::files_read() {
         files.reads("a file that the stack names", &path);

@@ -10,7 +10,7 @@ use std::io::Write;
 /// Executes `ocu tune`.
 pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut files = Files::new(args.force);
-    files.reads("the recording", &args.log);
+    files.reads_log("the recording", &args.log);
     if let Some(path) = &args.output {
         files.writes("--output", path)?;
     }

@@ -156,6 +156,8 @@ fn render_draws_an_animation_of_a_range() {
         (&gif, ["--to", "0.1", "--every", "0.5"], "--to is 0.1 s; expected at least --at, 0.2 s"),
         (&gif, ["--to", "1", "--every", "0"], "expected more than 0"),
         (&gif, ["--to", "1", "--every", "0.0001"], "expected at most 1000"),
+        (&gif, ["--to", "1", "--every", "1e-20"], "expected at most 1000"),
+        (&gif, ["--to", "1", "--speed", "1e-20"], "expected at most 655.35 s"),
     ] {
         let change: Vec<&str> = change.into_iter().chain(["--force"]).collect();
         let (code, _, errors) = draw(output, &change);
@@ -280,6 +282,9 @@ fn eval_stereo_refuses_what_does_not_fit() {
     check(&right, &["--disparities", "20"], 2, "expected a multiple of 16");
     check(&right, &["--truth", &left], 1, "expected a grey PNG of 16 bits");
     check(&right, &["--truth", "disparity.tif"], 2, ".pfm, .png or .npz");
+    let unknown = text(&dir.path().join("unknown.png")).to_owned();
+    image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(96, 48).save(&unknown).unwrap();
+    check(&right, &["--truth", &unknown], 1, "the truth has no pixel seen by both cameras");
     check(&dir.path().join("none.png").to_string_lossy(), &[], 1, "none.png");
     write("[1, 0.5, 0, 0, 1, 0, 0, 0, 1]");
     check(&right, &["--calib", &calib], 2, "right camera is not a rotation");
@@ -477,6 +482,9 @@ fn eval_classify_refuses_what_does_not_fit() {
     let (code, _, errors) = ocu(&["eval", "classify", "--log", text(&sample), "--truth-topic", "/truth"]);
     assert!(code == 2 && errors.contains("expected --topic"), "{errors}");
     drop(drive);
+    let stack = ["eval", "classify", "--stack", "range_camera", "--until", "1"];
+    let (code, _, errors) = ocu(&[&stack[..], &["--truth-topic", "/x", "--topic", "/y"]].concat());
+    assert!(code == 2 && errors.contains("expected --log"), "{errors}");
 }
 
 #[test]
@@ -512,4 +520,6 @@ fn a_sweep_has_a_row_for_each_combination_and_each_is_what_a_run_gives() {
         let (code, _, errors) = ocu(&["sweep", "--stack", "truth_driver", "--param", wrong, "--until", "1"]);
         assert_eq!((code, errors.contains(part)), (2, true), "{errors}");
     }
+    let (code, _, errors) = ocu(&[&sweep[..], &sweep[1..3], &stack].concat());
+    assert_eq!((code, errors.contains("is given twice")), (2, true), "{errors}");
 }

@@ -265,6 +265,28 @@ fn a_run_never_writes_onto_what_it_reads_nor_over_another_file_without_being_tol
 }
 
 #[test]
+fn no_command_writes_onto_a_part_of_the_recording_that_it_reads() {
+    let dir = tempfile::tempdir().unwrap();
+    let [first, second] = ["drive_0.mcap", "drive_1.mcap"].map(|name| dir.path().join(name));
+    ocu_app::sample::write(&first, 0.5, false).unwrap();
+    let before = std::fs::read(&first).unwrap();
+    std::fs::write(&second, &before).unwrap();
+    let (log, part) = (text(&first), text(&second));
+    let render = ["render", "--at", "0", "--size", "64x64"];
+    for args in [
+        &["cut", log][..],
+        &["export", log, "--fields", "/vehicle/imu"],
+        &["tune", "--log", log, "--stack", "lagr"],
+        &[&render[..], &[log]].concat()[..],
+        &[&render[..], &["--stack", "truth_driver", "--against", log]].concat()[..],
+    ] {
+        let done = ocu(&[args, &["--force", "-o", part]].concat());
+        assert!(done.code == 2 && done.errors.contains("the file is the recording"), "{}", done.errors);
+        assert_eq!(std::fs::read(&second).unwrap(), before);
+    }
+}
+
+#[test]
 fn pipes_devices_and_texts_that_are_none_are_refused_at_once() {
     let dir = tempfile::tempdir().unwrap();
     let pipe = dir.path().join("pipe.toml");

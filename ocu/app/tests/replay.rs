@@ -222,6 +222,8 @@ fn a_damaged_recording_is_told_by_the_exit_code() {
     let replayed = run(&["run", "--replay", &part, "--json"], 3);
     assert_eq!(replayed["replay"]["equal"], true, "as far as it could be read");
     run(&["latency", &part, "--json"], 3);
+    assert_eq!(run(&["diff", &part, &part, "--json"], 3)["equal"], true, "as far as it could be read");
+    assert_eq!(run(&["diff", &whole, &whole, "--json"], 0)["equal"], true);
     run(&["latency", &whole, "--json"], 0);
 }
 

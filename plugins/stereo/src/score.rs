@@ -10,14 +10,15 @@ use crate::{NO_DISPARITY, STEPS_PER_PIXEL, StereoError};
 pub struct Score {
     /// Pixels seen by both cameras.
     pub pixels: usize,
-    /// Share of pixels that are more than 2 pixels off among those with a disparity, percent.
-    pub bad2_valid_pct: f64,
+    /// Share of pixels that are more than 2 pixels off among those with a disparity, percent; `None` if none has one.
+    pub bad2_valid_pct: Option<f64>,
     /// Share of pixels that are more than 2 pixels off or have no disparity, percent.
     pub bad2_dense_pct: f64,
     /// Share of pixels with a disparity, percent.
     pub density_pct: f64,
-    /// Root mean square error over pixels with a disparity that are at most 2 pixels off, pixels.
-    pub rms_px: f64,
+    /// Root mean square error over pixels with a disparity that are at most 2 pixels off, pixels; `None` if there are
+    /// none.
+    pub rms_px: Option<f64>,
 }
 
 /// Which pixels are seen by both cameras. `truth` is the left image's true disparity in pixels; values that are not
@@ -75,10 +76,10 @@ pub fn score(
     let pct = |part: usize, whole: usize| 100.0 * part as f64 / whole.max(1) as f64;
     Ok(Score {
         pixels,
-        bad2_valid_pct: pct(bad, valid),
+        bad2_valid_pct: (valid > 0).then(|| pct(bad, valid)),
         bad2_dense_pct: pct(bad + pixels - valid, pixels),
         density_pct: pct(valid, pixels),
-        rms_px: (squares / (valid - bad).max(1) as f64).sqrt(),
+        rms_px: (valid > bad).then(|| (squares / (valid - bad) as f64).sqrt()),
     })
 }
 
@@ -105,8 +106,19 @@ mod tests {
         let found = [0, 16, 16 * 4, NO_DISPARITY, 24];
         let score = score(&found, &truth, 5, 1).unwrap();
         assert_eq!((score.pixels, score.density_pct, score.bad2_dense_pct), (4, 75.0, 50.0));
-        assert!((score.bad2_valid_pct - 100.0 / 3.0).abs() < 1e-12);
-        assert!((score.rms_px - 0.125_f64.sqrt()).abs() < 1e-12);
+        assert!((score.bad2_valid_pct.unwrap() - 100.0 / 3.0).abs() < 1e-12);
+        assert!((score.rms_px.unwrap() - 0.125_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn figures_over_no_pixels_are_none_instead_of_perfect() {
+        let truth = [9.0, 1.0, 1.0];
+        let found = |disparity: u16| score(&[0, disparity, disparity], &truth, 3, 1).unwrap();
+        let without = found(NO_DISPARITY);
+        assert_eq!((without.pixels, without.density_pct, without.bad2_dense_pct), (2, 0.0, 100.0));
+        assert_eq!((without.bad2_valid_pct, without.rms_px), (None, None));
+        let wrong = found(16 * 4);
+        assert_eq!((wrong.bad2_valid_pct, wrong.rms_px), (Some(100.0), None));
     }
 
     #[test]

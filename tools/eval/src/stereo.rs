@@ -27,7 +27,8 @@ pub struct Job<'a> {
     pub threads: usize,
 }
 
-/// The figures. Those that need ground truth are `None` (null in JSON) without it.
+/// The figures. Those that need ground truth are `None` (null in JSON) without it, and so are those over pixels of which
+/// there are none.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Report {
     /// Of the pixels with a disparity, the share with an error of more than 2 pixels, percent.
@@ -85,11 +86,20 @@ pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
         .map(|truth| score::score(&disparity, &truth, size[0], job.disparities))
         .transpose()
         .map_err(refused)?;
+    if let (Some(score), Some(path)) = (score, job.truth)
+        && score.pixels == 0
+    {
+        let from = job.disparities;
+        return Err(EvalError::nothing(format!(
+            "the truth has no pixel seen by both cameras, expected some from column {from} on: {}",
+            path.display()
+        )));
+    }
     Ok(Report {
-        bad2_valid_pct: score.map(|score| score.bad2_valid_pct),
+        bad2_valid_pct: score.and_then(|score| score.bad2_valid_pct),
         bad2_dense_pct: score.map(|score| score.bad2_dense_pct),
         density_pct: score.map_or_else(|| density(&disparity, size[0], job.disparities), |s| s.density_pct),
-        rms_px: score.map(|score| score.rms_px),
+        rms_px: score.and_then(|score| score.rms_px),
         ms_median: times_ms[times_ms.len() / 2],
         threads,
     })
@@ -97,13 +107,16 @@ pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
 
 impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let (Some(valid), Some(dense), Some(rms)) = (self.bad2_valid_pct, self.bad2_dense_pct, self.rms_px)
-        {
+        if let Some(dense) = self.bad2_dense_pct {
             writeln!(out, "over pixels seen by both cameras:")?;
-            writeln!(out, "  {valid:6.2} % of those with a disparity are more than 2 px off")?;
+            if let Some(valid) = self.bad2_valid_pct {
+                writeln!(out, "  {valid:6.2} % of those with a disparity are more than 2 px off")?;
+            }
             writeln!(out, "  {dense:6.2} % of all are more than 2 px off or have none")?;
             writeln!(out, "  {:6.2} % have a disparity", self.density_pct)?;
-            writeln!(out, "  {rms:6.3} px RMS of those at most 2 px off")?;
+            if let Some(rms) = self.rms_px {
+                writeln!(out, "  {rms:6.3} px RMS of those at most 2 px off")?;
+            }
         } else {
             writeln!(out, "  {:6.2} % of the pixels right of the range have a disparity", self.density_pct)?;
         }

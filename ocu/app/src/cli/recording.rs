@@ -8,7 +8,8 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --json\n\n\
                         Messages are compared by buffer and number; measured time is left out. Exit codes: 0 the \
-                        recordings agree, 1 they differ.")]
+                        recordings agree, 1 they differ, 3 they agree as far as they can be read, but one is \
+                        damaged.")]
 pub struct DiffArgs {
     /// Recording; of one that was split, the folder or the first file
     pub first: PathBuf,

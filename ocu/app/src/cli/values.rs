@@ -89,7 +89,9 @@ pub(crate) fn parse_values(text: &str) -> Result<Values, String> {
             "expected {path}=V1,V2,… or {path}=FROM..TO:COUNT with 2 to {MOST_VALUES} values, got {value:?}"
         )
     };
-    let Some((from, rest)) = value.split_once("..") else {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+    // A list may have paths, such as ../a.json: a range begins with a number.
+    let Some((from, rest)) = value.split_once("..").filter(|(from, _)| number(from).is_some()) else {
         let values: Vec<String> = value.split(',').map(|value| value.trim().to_owned()).collect();
         return if values.iter().any(String::is_empty) {
             Err(expected())
@@ -98,7 +100,6 @@ pub(crate) fn parse_values(text: &str) -> Result<Values, String> {
         };
     };
     let (to, count) = rest.split_once(':').ok_or_else(expected)?;
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
     let (from, to) = number(from).zip(number(to)).ok_or_else(expected)?;
     let count = count.trim().parse::<usize>().ok().filter(|count| (2..=MOST_VALUES).contains(count));
     let last = (count.ok_or_else(expected)? - 1) as f64;
@@ -142,6 +143,7 @@ mod tests {
         assert_eq!(values("wm1.w=1..0:3"), Ok("1 0.5 0".to_owned()));
         assert_eq!(values("wm1.sources[0].w=-1..1:2"), Ok("-1 1".to_owned()));
         assert_eq!(values("wm1.w=a, b"), Ok("a b".to_owned()));
+        assert_eq!(values("memory.file=../a.json,../b.json"), Ok("../a.json ../b.json".to_owned()));
         for text in
             ["wm1.w=", "wm1.w=1,", "wm1.w=0..1", "wm1.w=0..1:1", "wm1.w=0..x:3", "wm1.w=0..1:99999", "w=1"]
         {

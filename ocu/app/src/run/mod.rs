@@ -11,7 +11,7 @@ use crate::assets::looks_like_path;
 use crate::cli::{RunArgs, Save};
 use crate::output::{self, Files};
 use crate::runs::{self, RunReport, Stop};
-use crate::{BUILD, Ended, parts, stacks, usage};
+use crate::{BUILD, Ended, stacks, usage};
 use acts::Act;
 use anyhow::Context as _;
 use memory::Memory;
@@ -89,9 +89,7 @@ fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
         [("the log", &args.log), ("the recording that is repeated", &args.replay), ("--acts", &args.acts)];
     for (what, path) in named {
         if let Some(path) = path {
-            files.reads(what, path);
-            // A recording that was split; a path that is none is refused when it is opened.
-            parts::of(path).unwrap_or_default().iter().for_each(|part| files.reads(what, part));
+            files.reads_log(what, path);
         }
     }
     args.faults

@@ -7,7 +7,7 @@ use super::{FieldPoint, FieldSeries};
 use crate::source::run_tag::RunTag;
 use crate::source::series::SeriesWriter;
 use rcs_formula::FieldRef;
-use rcs_log::{CursorOptions, Log, LogError, Reassembly, TopicId};
+use rcs_log::{CursorOptions, Log, LogError, MessagePosition, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Schema, Stamp};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -173,8 +173,11 @@ fn read_in_order(
         start: *times.start(),
         end: *times.end(),
     };
-    // Messages that were recorded as deltas need the key frame before.
     let mut failed = Ok(());
+    // Messages that were recorded as deltas need the key frame before, also where it is before the range.
+    if *times.start() > log.info().start && by_id.keys().any(|&id| reassembly.takes(id)) {
+        failed = reassembly.seek(MessagePosition::before(*times.start())).map(drop);
+    }
     for (count, stored) in log.cursor(options).enumerate() {
         let stored = match stored {
             Ok(stored) => stored,
