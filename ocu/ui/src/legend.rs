@@ -97,12 +97,37 @@ pub fn plate<R>(
     corner: egui::Align2,
     add: impl FnOnce(&mut Ui) -> R,
 ) -> (R, Rect) {
+    plate_of(ui, canvas, corner, false, add)
+}
+
+/// Like [`plate`], for controls: a click or a drag on it, also on a disabled control, does not reach the canvas.
+pub fn solid_plate<R>(
+    ui: &mut Ui,
+    canvas: Rect,
+    corner: egui::Align2,
+    add: impl FnOnce(&mut Ui) -> R,
+) -> (R, Rect) {
+    plate_of(ui, canvas, corner, true, add)
+}
+
+fn plate_of<R>(
+    ui: &mut Ui,
+    canvas: Rect,
+    corner: egui::Align2,
+    is_solid: bool,
+    add: impl FnOnce(&mut Ui) -> R,
+) -> (R, Rect) {
     let tokens = tokens(ui);
     let inner = canvas.shrink(8.0);
     let id = ui.scope_id().with(("plate", format!("{corner:?}")));
     // The size in the previous pass determines its position at the right and at the bottom.
     let size = ui.data(|data| data.get_temp::<Vec2>(id)).unwrap_or(Vec2::new(160.0, 40.0));
     let at = corner.align_size_within_rect(size.min(inner.size()), inner);
+    if is_solid {
+        // Before the contents, which lie above it. It is not reached with the keyboard.
+        let place = Rect::from_min_size(at.min, size);
+        ui.interact(place, id.with("behind"), Sense::CLICK | Sense::DRAG);
+    }
     let builder = UiBuilder::new()
         .max_rect(Rect::from_min_max(
             at.min,

@@ -40,6 +40,8 @@ pub(crate) struct Details {
     saved: Saved,
     /// Parameters by process and command.
     drafts: BTreeMap<(String, String), AnyMessage>,
+    /// The parameters that were sent last, by process and command.
+    sent: BTreeMap<(String, String), AnyMessage>,
     /// The last serial that this view sent to each process, so that several commands of one pass differ.
     serials: BTreeMap<String, u64>,
     refused: Option<String>,
@@ -261,6 +263,7 @@ impl Details {
             }
             return;
         };
+        let before = self.sent.get(&key).or(made.as_ref()).map(AnyMessage::bytes);
         let (value, now) =
             (draft.value().unwrap_or(rcs_msg::Value::Null), made.and_then(|made| made.value().ok()));
         let now = now.unwrap_or(rcs_msg::Value::Null);
@@ -279,7 +282,9 @@ impl Details {
             }
         }
         let draft = draft.clone();
-        send |= let_go && self.saved.on_each_change && refused.is_none();
+        // A control that was let go unchanged sends nothing.
+        let is_other = before.as_ref() != Some(&draft.bytes());
+        send |= let_go && is_other && self.saved.on_each_change && refused.is_none();
         if send {
             self.send(cx, process, command, Some(&draft));
         }
@@ -295,6 +300,9 @@ impl Details {
         let last = self.serials.get(&process.name).copied().unwrap_or(0);
         let serial = command::next_serial(cx.frame, process).max(last + 1);
         self.serials.insert(process.name.clone(), serial);
+        if let Some(parameters) = parameters {
+            self.sent.insert((process.name.clone(), command.name.clone()), parameters.clone());
+        }
         cx.controls.push(command::send(cx.frame, process, serial, &command.name, parameters));
     }
 

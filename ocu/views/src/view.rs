@@ -10,7 +10,7 @@ use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// Which run is meant, where several contain a topic of the same name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -200,8 +200,9 @@ pub struct Selection {
     pub process: Option<Arc<str>>,
     /// What is under the pointer; the window ends each pass with [`Hovers::turn`].
     pub hovered: Hovers,
-    /// Parameters that are being edited; views show their effect before they are sent.
-    pub preview: Option<Preview>,
+    /// Parameters that are being edited; views show their effect before they are sent. The window ends each pass with
+    /// [`Previews::turn`].
+    pub preview: Previews,
     /// Deflection of the drive controls; the window sets it from the keys before each pass, and sends the command after
     /// it.
     pub hand: Hand,
@@ -225,6 +226,58 @@ pub struct Preview {
 impl PartialEq for Preview {
     fn eq(&self, other: &Self) -> bool {
         self.process == other.process && self.params.same(&other.params)
+    }
+}
+
+/// A preview, and the view that stated it.
+#[derive(Clone, Debug)]
+struct Stated {
+    preview: Preview,
+    by: Weak<()>,
+}
+
+/// What is being edited, in two phases as [`Hovers`]. A preview stays while its view exists, also hidden, until the view
+/// ends it or another one states its own.
+#[derive(Clone, Debug, Default)]
+pub struct Previews {
+    last: Option<Stated>,
+    next: Option<Stated>,
+    is_ended: bool,
+}
+
+impl PartialEq for Previews {
+    fn eq(&self, other: &Self) -> bool {
+        self.get() == other.get()
+    }
+}
+
+impl Previews {
+    /// What was being edited in the last pass.
+    pub fn get(&self) -> Option<&Preview> {
+        self.last.as_ref().map(|stated| &stated.preview)
+    }
+
+    /// A view states what is edited in it. `by` belongs to the view alone, and is dropped with it.
+    pub fn set(&mut self, by: &Arc<()>, preview: Preview) {
+        self.next = Some(Stated { preview, by: Arc::downgrade(by) });
+    }
+
+    /// A view states that it edits nothing of a process, or nothing at all. The previews of other views stay.
+    pub fn end(&mut self, by: &Arc<()>, process: Option<&str>) {
+        let ends = |stated: &Stated| {
+            let is_own = stated.by.ptr_eq(&Arc::downgrade(by));
+            is_own && process.is_none_or(|process| *stated.preview.process == *process)
+        };
+        self.is_ended |= self.last.as_ref().is_some_and(ends);
+    }
+
+    /// Ends a pass; returns whether views have to be painted again.
+    pub fn turn(&mut self) -> bool {
+        let is_ended = std::mem::take(&mut self.is_ended);
+        let last = self.last.take();
+        let stays = |stated: &&Stated| !is_ended && stated.by.strong_count() > 0;
+        self.last = self.next.take().or_else(|| last.as_ref().filter(stays).cloned());
+        self.get() != last.as_ref().map(|stated| &stated.preview)
     }
 }
 

@@ -279,9 +279,13 @@ impl Frame {
         self.topics.iter().find(|topic| &*topic.name == name && topic.run == run)
     }
 
-    /// All topics whose messages have this type or convert to it.
+    /// All topics whose messages have this type or convert to it: those of the run, then those of the recording.
     pub fn topics_of_type<'a>(&'a self, type_name: &'a str) -> impl Iterator<Item = &'a Topic> {
-        self.topics.iter().filter(move |topic| topic.type_name() == type_name)
+        let of = move |is_recorded: bool| {
+            let topics = self.topics.iter().filter(move |topic| topic.run.is_recorded() == is_recorded);
+            topics.filter(move |topic| topic.type_name() == type_name)
+        };
+        of(false).chain(of(true))
     }
 
     /// The track of this topic in this run.
@@ -343,5 +347,43 @@ mod tests {
             assert!(is_converted(false));
         }
         assert!(!is_converted(false));
+    }
+
+    #[test]
+    fn topics_of_the_run_come_before_those_of_the_recording() {
+        let schema = schema_of::<Vector2>();
+        let topic = |name: &str, run: RunTag| Topic::new(name, run, Arc::clone(schema));
+        let info = SourceInfo {
+            kind: SourceKind::Replay,
+            title: String::new(),
+            detail: String::new(),
+            start: Stamp(0),
+            end: None,
+            problems: Vec::new(),
+            gaps: Vec::new(),
+        };
+        let topics =
+            [topic("/a", RunTag::Recorded), topic("/b", RunTag::FIRST), topic("/c", RunTag::Recorded)];
+        let frame = Frame {
+            generation: 0,
+            info: Arc::new(info),
+            now: Stamp(0),
+            topics: topics.into_iter().chain([topic("/d", RunTag::FIRST)]).collect(),
+            processes: Arc::new([]),
+            tracks: Arc::new([]),
+            events: Arc::new([]),
+            fields: Arc::new([]),
+            transforms: Arc::new(TransformTree::new()),
+            runs: Runs::default(),
+            playback: Playback::default(),
+            recording: None,
+            beside: Arc::new([]),
+            is_beside: false,
+            comparisons: Arc::new([]),
+            against: None,
+        };
+        let names: Vec<_> =
+            frame.topics_of_type("foxglove.Vector2").map(|topic| topic.name.to_string()).collect();
+        assert_eq!(names, ["/b", "/d", "/a", "/c"]);
     }
 }

@@ -326,7 +326,7 @@ impl Window {
         self.dialogs.ui(ui.ctx(), &mut self.current, frame_now, &mut controls, &mut self.notices);
         self.palette_ui(ui, frame.as_deref(), &mut controls);
         show_focus(ui.ctx(), stops);
-        let turned = self.selection.hovered.turn();
+        let turned = [self.selection.hovered.turn(), self.selection.preview.turn()].contains(&true);
         if turned || chosen != (self.selection.topic.clone(), self.selection.process.clone()) {
             self.frames.again(ui.ctx());
         }

@@ -411,7 +411,10 @@ fn calibration<'a>(frame: &'a Frame, image: &Topic, optical: &str) -> Option<&'a
     let fits = |topic: &&Topic| {
         topic.get::<CameraCalibration>().is_some_and(|calibration| calibration.frame_id == optical)
     };
-    let common =
-        |topic: &&Topic| topic.name.bytes().zip(image.name.bytes()).take_while(|(a, b)| a == b).count();
+    // Of several equal ones that of the run: `max_by_key` returns the last one.
+    let common = |topic: &&Topic| {
+        let common = topic.name.bytes().zip(image.name.bytes()).take_while(|(a, b)| a == b).count();
+        (common, !topic.run.is_recorded())
+    };
     frame.topics_of_type("foxglove.CameraCalibration").filter(fits).max_by_key(common)
 }

@@ -25,6 +25,8 @@ pub(super) struct Content<'a> {
     pub(super) cell: [usize; 2],
     /// The weights with which the sources are fused, if it is a map that a process fuses.
     pub(super) weights: Option<Weights>,
+    /// Whether these weights are being edited: the cell holds what was fused with those in force.
+    pub(super) is_edited: bool,
 }
 
 /// The weights with which a layer was fused: those of the map itself, else those of the parameters of its process.
@@ -83,7 +85,8 @@ impl Content<'_> {
             _ => "",
         };
         let cost = if fused > 250.0 { "unknown".to_owned() } else { format!("cost {fused:3}") };
-        ui.label(mono(format!("{:<NAME$}{cost}{confidence}{label}{by}", "fused")));
+        let name = fused_name(self.is_edited);
+        ui.label(mono(format!("{name:<NAME$}{cost}{confidence}{label}{by}")));
         &["cost", "confidence", "source", "label"]
     }
 
@@ -241,6 +244,11 @@ impl Content<'_> {
     }
 }
 
+/// Name of the fused cost in a cell: while weights are edited, the map shows another one than the cell holds.
+fn fused_name(is_edited: bool) -> &'static str {
+    if is_edited { "fused, in force  " } else { "fused" }
+}
+
 /// Texts in columns of this width.
 fn in_columns<T: Display>(texts: impl Iterator<Item = T>, width: usize) -> String {
     texts.map(|text| format!("{text:>width$}")).collect::<Vec<_>>().concat()
@@ -279,5 +287,11 @@ mod tests {
             assert_eq!(short(value), text);
         }
         assert!(short(-123.456_789).len() < NUMBER);
+    }
+
+    #[test]
+    fn the_cost_in_force_is_named_while_weights_are_edited() {
+        assert_eq!(fused_name(false), "fused");
+        assert!(fused_name(true).starts_with("fused, in force"));
     }
 }

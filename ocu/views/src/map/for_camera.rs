@@ -53,8 +53,17 @@ impl Ground {
 
     fn new(frame: &Frame) -> Option<Self> {
         let all = layers::layers(frame);
-        let own = || all.iter().filter(|layer| !layer.is_ground_truth());
-        let map = own().filter(|layer| layer.is_map()).filter_map(area).min_by(|a, b| a.0.total_cmp(&b.0));
+        // What the run says counts before what was recorded.
+        let of = |is_recorded: bool| {
+            let layers = all.iter().filter(|layer| !layer.is_ground_truth());
+            layers.filter(move |layer| layer.is_recorded() == is_recorded)
+        };
+        let own = || of(false).chain(of(true));
+        let smallest = |is_recorded: bool| {
+            let maps = of(is_recorded).filter(|layer| layer.is_map()).filter_map(area);
+            maps.min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let map = smallest(false).or_else(|| smallest(true));
         let map = map.map(|(_, layer)| layer);
         let is_path = |layer: &&Layer<'_>| matches!(layer.kind, Kind::Path(_) | Kind::Plan(_));
         let is_track = |layer: &&Layer<'_>| matches!(layer.kind, Kind::Track { is_ghost: false, .. });
@@ -144,7 +153,7 @@ fn area<'l, 'a>(layer: &'l Layer<'a>) -> Option<(f64, &'l Layer<'a>)> {
 fn example(frame: &Frame, scene: &str) -> Option<(Vec<DVec3>, bool)> {
     let examples = frame.topics_of_type("rcs.TrainingExample");
     let newest = examples.filter_map(|topic| Some((topic.latest.as_ref()?.header.log_time, topic)));
-    let (time, topic) = newest.max_by_key(|(time, _)| *time)?;
+    let (time, topic) = newest.max_by_key(|(time, topic)| (!topic.run.is_recorded(), *time))?;
     let example = topic.get::<TrainingExample>()?;
     let scene_from_example = layers::map_from_frame(frame, scene, &example.frame_id, time).ok()?;
     let corners = example.outline.iter().flat_map(|outline| &outline.points);

@@ -132,9 +132,10 @@ impl Map {
                     && let Ok(map_from_grid) = layers::map_from_layer(frame, map, layer)
                     && let Some(cell) = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))
                 {
-                    let weights = self.edited_weights(layer).cloned();
-                    let weights = weights.or_else(|| super::cell::weights(frame, layer));
-                    let content = Content { frame, cells: &cells, cell, weights };
+                    let edited = self.edited_weights(layer).cloned();
+                    let is_edited = edited.is_some();
+                    let weights = edited.or_else(|| super::cell::weights(frame, layer));
+                    let content = Content { frame, cells: &cells, cell, weights, is_edited };
                     content.title(ui, &layer.name, is_top && !is_kept);
                     if std::mem::take(&mut is_top) {
                         let clicked = content.show(ui, most_lines, is_kept);

@@ -59,6 +59,11 @@ impl Layer<'_> {
         self.topic.is_some_and(Topic::is_ground_truth)
     }
 
+    /// Whether it was read from the recording.
+    pub(super) fn is_recorded(&self) -> bool {
+        self.topic.is_some_and(|topic| topic.run.is_recorded())
+    }
+
     /// Whether it is a fused map.
     pub(super) fn is_map(&self) -> bool {
         !self.is_ground_truth() && self.topic.is_some_and(|topic| topic.role() == Some(Role::Map))
@@ -67,6 +72,11 @@ impl Layer<'_> {
     /// Whether a map already contains it: costs of one source, or the cloud from which they come.
     pub(super) fn is_part_of_a_map(&self) -> bool {
         self.topic.is_some_and(|topic| matches!(topic.role(), Some(Role::Cost | Role::Cloud)))
+    }
+
+    /// Whether it is what a vehicle planned at one time: a path, a plan, or the arcs that were considered.
+    pub(super) fn is_planned(&self) -> bool {
+        matches!(self.kind, Kind::Path(_) | Kind::Plan(_) | Kind::Arcs(_))
     }
 
     /// Whether it is outdated relative to its rate.

@@ -18,6 +18,8 @@ use rcs_runtime::source::{Control, Frame};
 const NEAR: f32 = 10.0;
 /// Distance between the lines of a hatching, screen points.
 const HATCH: f32 = 9.0;
+/// Distance within which two goals are the same one, m.
+const SAME_GOAL_M: f64 = 0.01;
 
 /// What a click on the map adds to the draft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,12 +36,41 @@ pub(super) enum Adds {
 pub(super) struct Draft {
     pub(super) adds: Adds,
     goals: Vec<[f64; 2]>,
+    /// The goals with which the draft began, or which were sent last: the vehicle keeps its goals while these are the
+    /// same.
+    begun: Vec<[f64; 2]>,
+    /// The mission to which those goals belong; `None` while the vehicle states none.
+    stated: Option<Stated>,
+    /// Whether the goals replace those of the vehicle even if they are the same.
+    states_goals: bool,
     keep_out: Vec<Vec<[f64; 2]>>,
     /// Corners of the zone that is being drawn.
     corners: Vec<[f64; 2]>,
-    /// Whether the goals, and anything, differ from what was sent.
-    goals_changed: bool,
+    /// Whether anything was changed since the draft began or was sent.
     changed: bool,
+}
+
+/// The goals of a mission in its own frame, and how many of them have been reached.
+#[derive(Clone, Debug)]
+struct Stated {
+    frame_id: String,
+    goals: Vec<[f64; 2]>,
+    reached: usize,
+}
+
+impl Stated {
+    fn of(mission: &Mission) -> Self {
+        let goals = mission.goals.iter().map(|goal| [goal.x_m, goal.y_m]).collect();
+        Self { frame_id: mission.frame_id.clone(), goals, reached: mission.reached as usize }
+    }
+
+    /// Whether a mission has the same goals.
+    fn is_of(&self, mission: &Mission) -> bool {
+        let is_same = |(a, b): (&[f64; 2], &PlanePoint)| (a[0] - b.x_m).hypot(a[1] - b.y_m) <= SAME_GOAL_M;
+        self.frame_id == mission.frame_id
+            && self.goals.len() == mission.goals.len()
+            && self.goals.iter().zip(&mission.goals).all(is_same)
+    }
 }
 
 /// Adds a corner to a polygon that is being drawn. Returns the polygon if the corner closes it: if it is the first one
@@ -56,29 +87,45 @@ impl Draft {
     /// The draft that begins with the goals that the vehicle has not reached, and the zones that the operator has sent.
     /// Zones that cannot be placed on the map must not be lost: the error says why.
     fn of(frame: &Frame, map: &str, buffer: &str) -> Result<Self, String> {
-        let place = |map_from: Pose| {
-            move |at: &PlanePoint| {
-                let p = map_from * DVec3::new(at.x_m, at.y_m, 0.0);
-                [p.x, p.y]
-            }
-        };
-        let mut draft = Self::default();
+        let mut draft = Self { keep_out: sent_zones(frame, map, buffer)?, ..Self::default() };
         if let Some((mission, map_from_mission)) = obeyed(frame, map) {
             let left = mission.goals.iter().skip(mission.reached as usize);
             draft.goals = left.map(place(map_from_mission)).collect();
-        }
-        if let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) {
-            let map_from_sent = layers::map_from_frame(frame, map, &sent.frame_id, frame.now)?;
-            let zone = |zone: &PlanePolygon| zone.points.iter().map(place(map_from_sent)).collect();
-            draft.keep_out = sent.keep_out.iter().map(zone).collect();
+            draft.begun.clone_from(&draft.goals);
+            draft.stated = Some(Stated::of(mission));
         }
         Ok(draft)
+    }
+
+    /// Leaves out the goals that the vehicle has reached since the draft began or was sent. `mission` is the one that the
+    /// vehicle obeys.
+    fn follow(&mut self, mission: &Mission) {
+        let Some(stated) = self.stated.as_mut().filter(|stated| stated.is_of(mission)) else { return };
+        let more = (mission.reached as usize).saturating_sub(stated.reached);
+        stated.reached += more;
+        let count = more.min(self.begun.len());
+        let reached: Vec<_> = self.begun.drain(..count).collect();
+        let same = self.goals.iter().zip(&reached).take_while(|(goal, reached)| goal == reached).count();
+        self.goals.drain(..same);
+    }
+
+    /// The draft was sent as this mission.
+    fn sent(&mut self, mission: &Mission) {
+        self.changed = false;
+        if !mission.keeps_goals {
+            self.begun.clone_from(&self.goals);
+            self.stated = Some(Stated::of(mission));
+        }
+    }
+
+    /// Whether the vehicle keeps the goals that it has: the draft does not change them.
+    fn keeps_goals(&self) -> bool {
+        !self.states_goals && self.goals == self.begun
     }
 
     fn click(&mut self, at: [f64; 2], reach_m: f64) {
         self.changed = true;
         if self.adds == Adds::Goal {
-            self.goals_changed = true;
             return self.goals.push(at);
         }
         self.keep_out.extend(corner(&mut self.corners, at, reach_m));
@@ -89,9 +136,16 @@ impl Draft {
         let zones = self.adds == Adds::Zone;
         let a_goal = !zones && self.corners.is_empty() && self.goals.pop().is_some();
         let done = a_goal || self.corners.pop().is_some() || (zones && self.keep_out.pop().is_some());
-        self.goals_changed |= a_goal;
         self.changed |= done;
         done
+    }
+
+    /// Deletes all goals and zones.
+    fn clear(&mut self) {
+        self.goals.clear();
+        self.keep_out.clear();
+        self.corners.clear();
+        self.changed = true;
     }
 
     fn message(&self, frame_id: &str, frame_from_map: &Pose) -> Mission {
@@ -107,7 +161,7 @@ impl Draft {
             area: None,
             keep_out: self.keep_out.iter().map(zone).collect(),
             reached: 0,
-            keeps_goals: !self.goals_changed,
+            keeps_goals: self.keeps_goals(),
         }
     }
 
@@ -117,9 +171,35 @@ impl Draft {
     }
 }
 
-/// The mission that a vehicle obeys, and its pose in the frame of the map.
+/// Places a point of a frame on the map.
+fn place(map_from_frame: Pose) -> impl Fn(&PlanePoint) -> [f64; 2] {
+    move |at| {
+        let p = map_from_frame * DVec3::new(at.x_m, at.y_m, 0.0);
+        [p.x, p.y]
+    }
+}
+
+/// The zones that the operator has sent, on the map; the error says why they cannot be placed.
+fn sent_zones(frame: &Frame, map: &str, buffer: &str) -> Result<Vec<Vec<[f64; 2]>>, String> {
+    let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) else {
+        return Ok(Vec::new());
+    };
+    let map_from_sent = layers::map_from_frame(frame, map, &sent.frame_id, frame.now)?;
+    let zone = |zone: &PlanePolygon| zone.points.iter().map(place(map_from_sent)).collect();
+    Ok(sent.keep_out.iter().map(zone).collect())
+}
+
+/// Why no mission can be drawn on a map; `None` if one can be drawn.
+pub(super) fn refusal(frame: &Frame, map: &str, buffer: &str) -> Option<String> {
+    sent_zones(frame, map, buffer).err()
+}
+
+/// The mission that a vehicle obeys, and its pose in the frame of the map. A recorded mission counts where the run has
+/// none.
 fn obeyed<'a>(frame: &'a Frame, map: &str) -> Option<(&'a Mission, Pose)> {
-    layers::layers(frame).iter().find_map(|layer| match layer.kind {
+    let mut layers = layers::layers(frame);
+    layers.sort_by_key(layers::Layer::is_recorded);
+    layers.iter().find_map(|layer| match layer.kind {
         Kind::Mission(mission) => Some((mission, layers::map_from_layer(frame, map, layer).ok()?)),
         _ => None,
     })
@@ -150,34 +230,40 @@ impl Map {
             self.draft = None;
             return;
         };
-        let place = |pos: Pos2| at.viewport.to_plane(at.canvas, pos);
+        let on_map = |pos: Pos2| at.viewport.to_plane(at.canvas, pos);
         if let Some(draft) = &mut self.draft {
+            if let Some((mission, _)) = obeyed(cx.frame, map) {
+                draft.follow(mission);
+            }
             if let Some(pos) = response.interact_pointer_pos().filter(|_| response.clicked()) {
-                draft.click(place(pos), f64::from(NEAR) / at.viewport.scale);
+                draft.click(on_map(pos), f64::from(NEAR) / at.viewport.scale);
             }
             let message = draft.message(map, &Pose::IDENTITY);
             paint(&ui.painter_at(at.canvas), &message, at, tokens(ui), true, labels);
             paint_corners(&ui.painter_at(at.canvas), &draft.corners, at, tokens(ui));
         }
         if response.secondary_clicked() {
-            self.menu_at = response.interact_pointer_pos().map(place);
+            self.menu_at = response.interact_pointer_pos().map(on_map);
         }
         let mut drive_to = None;
         let mut edit = false;
         response.context_menu(|ui| {
             let known = self.draft.clone().map_or_else(|| Draft::of(cx.frame, map, &buffer), Ok);
             let drive = format!("{}  Drive here", icons::ICON_FLAG.codepoint);
-            let button = ui.add_enabled(known.is_ok(), egui::Button::new(drive));
+            let (can, why) = (known.is_ok(), known.as_ref().err().cloned().unwrap_or_default());
+            let button = ui.add_enabled(can, egui::Button::new(drive));
             let button = button.on_hover_text("Replaces the goals; keep-out zones stay");
-            let why = known.as_ref().err().cloned().unwrap_or_default();
-            if button.on_disabled_hover_text(why).clicked() {
+            if button.on_disabled_hover_text(&why).clicked() {
                 drive_to = self.menu_at.zip(known.ok());
                 ui.close();
             }
             let text = format!("{}  Edit the mission", icons::ICON_EDIT.codepoint);
-            if self.draft.is_none() && ui.button(text).clicked() {
-                edit = true;
-                ui.close();
+            if self.draft.is_none() {
+                let button = ui.add_enabled(can, egui::Button::new(text));
+                if button.on_disabled_hover_text(&why).clicked() {
+                    edit = true;
+                    ui.close();
+                }
             }
         });
         if edit {
@@ -185,7 +271,7 @@ impl Map {
         }
         if let Some((goal, known)) = drive_to {
             self.draft = None;
-            send(cx, map, &buffer, &Draft { goals: vec![goal], goals_changed: true, ..known });
+            send(cx, map, &buffer, &Draft { goals: vec![goal], states_goals: true, ..known });
         }
         if self.draft.is_some() {
             self.mission_plate(ui, cx, map, &buffer, at);
@@ -199,7 +285,7 @@ impl Map {
         let mut discard = false;
         // Below the scale bar.
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
-        legend::plate(ui, below, Align2::CENTER_TOP, |ui| {
+        legend::solid_plate(ui, below, Align2::CENTER_TOP, |ui| {
             ui.spacing_mut().item_spacing.y = 4.0;
             ui.horizontal(|ui| {
                 ui.selectable_value(&mut draft.adds, Adds::Goal, "Goals")
@@ -216,16 +302,15 @@ impl Map {
                     .on_hover_text("Delete all goals and zones")
                     .clicked()
                 {
-                    *draft =
-                        Draft { adds: draft.adds, changed: true, goals_changed: true, ..Draft::default() };
+                    draft.clear();
                 }
                 ui.separator();
                 let open = !draft.corners.is_empty();
                 let send_it = format!("{}  Send", icons::ICON_SEND.codepoint);
                 let button = ui.add_enabled(draft.changed && !open, egui::Button::new(send_it));
                 if button.on_disabled_hover_text(why_not(draft)).clicked() {
-                    send(cx, map, buffer, draft);
-                    (draft.changed, draft.goals_changed) = (false, false);
+                    let sent = send(cx, map, buffer, draft);
+                    draft.sent(&sent);
                 }
                 discard = ui.button("Close").on_hover_text("Without sending").clicked();
             });
@@ -246,14 +331,16 @@ fn why_not(draft: &Draft) -> &'static str {
     if draft.corners.is_empty() { "Nothing has changed" } else { "The zone is not closed" }
 }
 
-/// Sends a mission in the frame in which the vehicle states its own, if it states one.
-fn send(cx: &mut ViewContext<'_>, map: &str, buffer: &str, draft: &Draft) {
+/// Sends a mission in the frame in which the vehicle states its own, if it states one. Returns what was sent.
+fn send(cx: &mut ViewContext<'_>, map: &str, buffer: &str, draft: &Draft) -> Mission {
     let own =
         obeyed(cx.frame, map).map(|(mission, map_from_own)| (&*mission.frame_id, map_from_own.inverse()));
     let (frame_id, frame_from_map) = own.unwrap_or((map, Pose::IDENTITY));
     let timestamp = Some(cx.frame.now.to_proto());
-    let message = AnyMessage::new(Mission { timestamp, ..draft.message(frame_id, &frame_from_map) });
+    let mission = Mission { timestamp, ..draft.message(frame_id, &frame_from_map) };
+    let message = AnyMessage::new(mission.clone());
     cx.controls.push(Control::Write { buffer: buffer.to_owned(), message });
+    mission
 }
 
 /// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak.
@@ -351,5 +438,63 @@ mod tests {
         let message = draft.message("global", &pose);
         assert_eq!((message.goals[0].x_m, message.keep_out[0].points.len()), (11.0, 3));
         assert!(draft.undo() && !draft.undo(), "goals stay while zones are drawn");
+    }
+
+    /// A draft of what a vehicle has left of a mission.
+    fn draft_of(mission: &Mission) -> Draft {
+        let left = mission.goals.iter().skip(mission.reached as usize);
+        let goals: Vec<_> = left.map(place(Pose::IDENTITY)).collect();
+        Draft { begun: goals.clone(), goals, stated: Some(Stated::of(mission)), ..Draft::default() }
+    }
+
+    fn mission(goals: &[[f64; 2]], reached: u32) -> Mission {
+        let goals = goals.iter().map(|&[x_m, y_m]| PlanePoint { x_m, y_m }).collect();
+        Mission { frame_id: "local".to_owned(), goals, reached, ..Mission::default() }
+    }
+
+    fn sent(draft: &mut Draft) -> Mission {
+        let sent = draft.message("local", &Pose::IDENTITY);
+        draft.sent(&sent);
+        sent
+    }
+
+    #[test]
+    fn goals_that_are_as_they_were_leave_the_vehicle_its_own() {
+        let mut none = Draft::default();
+        none.click([1.0, 2.0], 0.5);
+        assert!(!none.keeps_goals() && none.undo() && none.keeps_goals(), "a goal was taken back");
+        none.clear();
+        assert!(sent(&mut none).keeps_goals, "there was nothing to delete");
+        let mut draft = draft_of(&mission(&[[1.0, 0.0]], 0));
+        draft.clear();
+        assert!(!sent(&mut draft).keeps_goals, "the goal was deleted");
+        draft.click([4.0, 4.0], 0.5);
+        assert!(!sent(&mut draft).keeps_goals && sent(&mut draft).keeps_goals);
+        draft.states_goals = true;
+        assert!(!sent(&mut draft).keeps_goals);
+    }
+
+    #[test]
+    fn a_goal_that_was_reached_is_not_sent_again() {
+        let (a, b, c) = ([1.0, 0.0], [2.0, 0.0], [3.0, 0.0]);
+        let old = mission(&[[8.0, 8.0], [9.0, 9.0]], 0);
+        let mut draft = draft_of(&old);
+        draft.clear();
+        draft.click(a, 0.5);
+        draft.click(b, 0.5);
+        sent(&mut draft);
+        draft.follow(&Mission { reached: 1, ..old });
+        assert_eq!(draft.goals, [a, b], "a goal of the mission before was reached");
+        draft.follow(&mission(&[[1.001, 0.0], b], 1));
+        assert!(draft.goals == [b] && draft.keeps_goals());
+        draft.follow(&mission(&[a, b], 1));
+        draft.click(c, 0.5);
+        assert_eq!(draft.goals, [b, c], "it is left out once");
+        assert_eq!(sent(&mut draft).goals.len(), 2);
+        // What the operator has drawn in place of the goals stays.
+        draft.clear();
+        draft.click(c, 0.5);
+        draft.follow(&mission(&[b, c], 1));
+        assert_eq!((draft.goals.as_slice(), draft.begun.as_slice()), (&[c][..], &[c][..]));
     }
 }

@@ -169,9 +169,9 @@ impl View for Map {
                 "Positions, maps, point clouds or paths would fill it: play on, or open a log that has some.";
             return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", hint);
         };
-        map.clone_into(&mut self.frame_id);
+        self.look_in(map);
         self.fused = layers.iter().any(Layer::is_map);
-        self.follow_preview(cx.selection.preview.as_ref());
+        self.follow_preview(cx.selection.preview.get());
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
         let roomy = ui.available_width() >= 560.0;
         self.toolbar(ui, cx.frame, map, &frames, roomy);
@@ -189,6 +189,14 @@ impl View for Map {
 }
 
 impl Map {
+    /// Takes over the frame of the map. What was drawn and measured has positions in the frame before, and is dropped.
+    fn look_in(&mut self, map: &str) {
+        if self.frame_id != map && !self.frame_id.is_empty() {
+            (self.draft, self.example, self.measured, self.kept) = (None, None, None, None);
+        }
+        map.clone_into(&mut self.frame_id);
+    }
+
     /// Takes the fusion weights that are being edited, if they changed.
     fn follow_preview(&mut self, preview: Option<&Preview>) {
         if self.preview.as_ref().map(|(known, _)| known) != preview {
@@ -253,17 +261,19 @@ impl Map {
         paint::metre_lines(ui, viewport, canvas);
         let mut labels = self.labels(canvas);
         for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(layer).shown) {
-            let color = tokens(ui).series(panel::series(layers, index));
+            let is_old = layer.is_planned() && layer.is_stale(cx.frame.now);
+            let color =
+                if is_old { tokens(ui).stale } else { tokens(ui).series(panel::series(layers, index)) };
             match (layer.kind, place(layer)) {
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
                 (Kind::Plan(plan), Ok(map_from_layer)) => {
                     let at = plan::At { map_from_layer, viewport, canvas };
-                    plan::paths(&painter, plan, at, tokens(ui), color, &mut labels);
+                    plan::paths(&painter, plan, at, tokens(ui), color, is_old, &mut labels);
                 }
                 (Kind::Arcs(choice), Ok(map_from_layer)) => {
                     let meant = plan::meant(layer, cx.selection.hovered.get());
                     let at = plan::At { map_from_layer, viewport, canvas };
-                    plan::arcs(&painter, choice, at, tokens(ui), meant);
+                    plan::arcs(&painter, choice, at, tokens(ui), meant, is_old);
                 }
                 (Kind::Mission(mission), Ok(map_from_layer)) if self.draft.is_none() => {
                     let at = plan::At { map_from_layer, viewport, canvas };
@@ -499,4 +509,24 @@ fn nearest_map<'a>(frame: &Frame, map: &str, shown: &[&'a Layer<'_>]) -> Option<
     let sized = shown.iter().filter_map(|layer| Some((layer, area(&layer)?)));
     let nearest = sized.min_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     nearest.map(|(layer, _)| layer.name.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_drawn_and_measured_is_dropped_where_the_frame_of_the_map_changes() {
+        let mut map = Map {
+            draft: Some(mission::Draft::default()),
+            measured: Some([[0.0; 2]; 2]),
+            kept: Some([1.0, 2.0]),
+            ..Map::default()
+        };
+        map.look_in("local");
+        map.look_in("local");
+        assert!(map.draft.is_some() && map.measured.is_some() && map.kept.is_some());
+        map.look_in("global");
+        assert!(map.draft.is_none() && map.measured.is_none() && map.kept.is_none());
+    }
 }

@@ -86,11 +86,12 @@ impl Map {
             });
         };
         let age_s = layer.topic.and_then(|topic| topic.age_s(frame.now));
-        if let (Kind::Grid(_) | Kind::Cloud, Some(age_s)) = (layer.kind, age_s) {
-            let (old, age) = (layer.is_stale(frame.now), format::age(age_s));
+        let (old, is_area) = (layer.is_stale(frame.now), matches!(layer.kind, Kind::Grid(_) | Kind::Cloud));
+        if let Some(age_s) = age_s.filter(|_| is_area || (old && layer.is_planned())) {
+            let age = format::age(age_s);
             let text = if old { format!("old: {age}") } else { format!("age {age}") };
             let place = match layer.frame_id {
-                own if own == map => String::new(),
+                own if own == map || !is_area => String::new(),
                 own => format!("  in {}", layers::frame_label(own)),
             };
             note(ui, text + &place, if old { tokens.stale } else { tokens.weak });

@@ -47,15 +47,18 @@ pub(super) fn chosen_places(plan: &Plan) -> Vec<DVec3> {
     steps.map(|step| DVec3::new(step.x_m.into(), step.y_m.into(), 0.0)).collect()
 }
 
-/// Paints both paths of a plan: the chosen one solid, the rejected one dashed, with what it would cost more.
+/// Paints both paths of a plan: the chosen one solid, the rejected one dashed, with what it would cost more. `color` is
+/// that of the chosen one.
 pub(super) fn paths(
     painter: &Painter,
     plan: &Plan,
     at: At,
     tokens: &Tokens,
     color: Color32,
+    is_old: bool,
     labels: &mut Labels,
 ) {
+    let warning = if is_old { tokens.stale } else { tokens.warning };
     let points = |path: &PlanCandidate| -> Vec<[f64; 2]> {
         path.steps.iter().map(|step| [f64::from(step.x_m), f64::from(step.y_m)]).collect()
     };
@@ -64,10 +67,10 @@ pub(super) fn paths(
         let points = points(rejected);
         let parts = at.line(points.iter().copied());
         painter.extend(parts.iter().map(|part| Shape::line(part.clone(), halo)));
-        painter.extend(clip::dashed(&parts, Stroke::new(1.5, tokens.warning), tokens.warning));
+        painter.extend(clip::dashed(&parts, Stroke::new(1.5, warning), warning));
         let more = plan.chosen.as_ref().map(|chosen| rejected.cost - chosen.cost);
         if let (Some(middle), Some(more)) = (points.get(points.len() / 2), more.filter(|v| v.is_finite())) {
-            labels.add(at.screen(*middle), format!("rejected, cost {more:+.0}"), tokens.warning);
+            labels.add(at.screen(*middle), format!("rejected, cost {more:+.0}"), warning);
         }
     }
     if let Some(chosen) = &plan.chosen {
@@ -104,7 +107,15 @@ fn points(choice: &ArcChoice, arc: &ScoredArc) -> Vec<[f64; 2]> {
 }
 
 /// Paints the arcs: the better its score, the brighter an arc; those that may not be driven end where they are blocked.
-pub(super) fn arcs(painter: &Painter, choice: &ArcChoice, at: At, tokens: &Tokens, meant: Option<usize>) {
+/// Old ones are without colours.
+pub(super) fn arcs(
+    painter: &Painter,
+    choice: &ArcChoice,
+    at: At,
+    tokens: &Tokens,
+    meant: Option<usize>,
+    is_old: bool,
+) {
     let open = || choice.arcs.iter().filter(|arc| arc.open && arc.total.is_finite()).map(|arc| arc.total);
     let (best, worst) = (open().fold(f32::MAX, f32::min), open().fold(f32::MIN, f32::max));
     let paint = |index: usize, stroke: Stroke| {
@@ -114,20 +125,22 @@ pub(super) fn arcs(painter: &Painter, choice: &ArcChoice, at: At, tokens: &Token
         points.last().map(|end| at.screen(*end))
     };
     let chosen = choice.chosen.map(|index| index as usize).filter(|index| *index < choice.arcs.len());
+    // It was meant in the pass before, of which the message may have had more arcs.
+    let meant = meant.filter(|index| *index < choice.arcs.len());
     for (index, arc) in choice.arcs.iter().enumerate() {
         if Some(index) == chosen || Some(index) == meant {
             continue;
         }
         if arc.open {
             let part = f64::from((worst - arc.total) / (worst - best).max(1e-6)).clamp(0.0, 1.0);
-            paint(index, Stroke::new(1.0, palette::even(part)));
+            paint(index, Stroke::new(1.0, if is_old { tokens.stale } else { palette::even(part) }));
         } else if let Some(end) = paint(index, Stroke::new(1.0, tokens.unknown)) {
             painter.circle_filled(end, 2.0, tokens.error);
         }
     }
     if let Some(index) = chosen {
         paint(index, Stroke::new(4.5, tokens.canvas()));
-        paint(index, Stroke::new(2.5, tokens.strong));
+        paint(index, Stroke::new(2.5, if is_old { tokens.stale } else { tokens.strong }));
     }
     if let Some(index) = meant {
         paint(index, Stroke::new(4.0, tokens.canvas()));
@@ -171,7 +184,41 @@ pub(super) fn meant(layer: &Layer<'_>, hover: &Hover) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui::Theme;
     use rcs_msg::foxglove;
+
+    /// The shapes and the colours of lines that are painted for a choice of arcs.
+    fn painted(choice: &ArcChoice, meant: Option<usize>, is_old: bool) -> String {
+        let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(200.0));
+        let viewport = Viewport::fit([-5.0; 2], [5.0; 2], canvas, 0.0, true);
+        let at = At { map_from_layer: Pose::IDENTITY, viewport, canvas };
+        let ctx = egui::Context::default();
+        let output = ctx.run_ui(egui::RawInput::default(), |ui| {
+            arcs(&ui.painter_at(canvas), choice, at, ocu_ui::tokens_of(Theme::Dark), meant, is_old);
+        });
+        let shapes = format!("{:?}", output.shapes);
+        output.drop_without_applying_deltas();
+        shapes
+    }
+
+    #[test]
+    fn an_arc_that_the_choice_does_not_have_is_not_marked_and_an_old_choice_looks_old() {
+        let position = Some(foxglove::Vector3 { x: 0.0, y: 0.0, z: 0.0 });
+        let start = Some(foxglove::Pose { position, orientation: None });
+        let arc = |curvature_per_m: f32| ScoredArc {
+            motion: Motion::Forward.into(),
+            curvature_per_m,
+            free_m: 2.0,
+            open: true,
+            ..ScoredArc::default()
+        };
+        let choice =
+            ArcChoice { start, arcs: vec![arc(0.0), arc(0.3)], chosen: Some(9), ..Default::default() };
+        let plain = painted(&choice, None, false);
+        assert_eq!(painted(&choice, Some(7), false), plain);
+        assert_ne!(painted(&choice, Some(1), false), plain);
+        assert_ne!(painted(&choice, None, true), plain);
+    }
 
     #[test]
     fn an_arc_begins_at_the_vehicle_and_keeps_its_curvature_and_its_length() {

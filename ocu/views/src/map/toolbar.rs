@@ -1,6 +1,6 @@
 //! The bar above the map: its frame, where it looks, and what is drawn on it.
 
-use super::{Map, layers};
+use super::{Map, layers, mission};
 use crate::operator::Inputs;
 use egui::{Role, Ui, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Fit, Form};
@@ -45,9 +45,11 @@ impl Map {
         }
         if let Some(buffer) = Inputs::of(frame).mission {
             bar.right("mission", Fit::Leaves(40), move |ui, form, view| {
-                let mut editing = view.draft.is_some();
+                let editing = view.draft.is_some();
                 let name = "Draw a mission: goals and keep-out zones";
-                if bar::tool_toggle(ui, form, icons::ICON_TOUR, name, &mut editing).clicked() {
+                let refused = mission::refusal(frame, map, &buffer).filter(|_| !editing);
+                let tool = bar::tool_of(ui, form, icons::ICON_TOUR, name, editing, refused.is_none());
+                if tool.on_disabled_hover_text(refused.unwrap_or_default()).clicked() {
                     view.toggle_draft(frame, map, &buffer);
                 }
             });
@@ -78,10 +80,6 @@ impl Map {
                 if ui.selectable_label(*frame == map, layers::frame_label(frame)).clicked() {
                     self.saved.frame = Some((*frame).to_owned());
                     self.saved.viewport = None;
-                    self.measured = None;
-                    self.kept = None;
-                    self.draft = None;
-                    self.example = None;
                 }
             }
         });

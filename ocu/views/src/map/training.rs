@@ -116,7 +116,7 @@ impl Map {
         let (mut send, mut close) = (false, false);
         // Below the scale bar.
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
-        legend::plate(ui, below, Align2::CENTER_TOP, |ui| {
+        legend::solid_plate(ui, below, Align2::CENTER_TOP, |ui| {
             ui.spacing_mut().item_spacing.y = 4.0;
             ui.horizontal(|ui| {
                 ui.selectable_value(&mut example.is_ground, false, "Obstacle")

@@ -516,7 +516,7 @@ fn a_changed_parameter_is_previewed_sent_as_one_message_and_taken_back() {
     assert!(harness.get_by_label_contains("Send").accesskit_node().is_disabled(), "nothing is changed");
     harness.get_by_label("Default of max_speed_mps: 0.5").click();
     harness.run();
-    let preview = harness.state().selection.preview.clone().unwrap();
+    let preview = harness.state().selection.preview.get().cloned().unwrap();
     assert_eq!(&*preview.process, "vehicle_interface");
     assert_eq!(preview.params.to::<rcs::SpeedLimit>().unwrap().max_speed_mps, 0.5);
     assert!(written(&harness, params).is_empty(), "a preview sends nothing");
@@ -532,7 +532,7 @@ fn a_changed_parameter_is_previewed_sent_as_one_message_and_taken_back() {
     });
     harness.state_mut().frame.topics = topics.collect();
     harness.run();
-    assert_eq!(harness.state().selection.preview, None);
+    assert_eq!(harness.state().selection.preview.get(), None);
     assert!(harness.get_by_label_contains("Send").accesskit_node().is_disabled());
     harness.get_by_label_contains("Undo").click();
     harness.run();
@@ -564,7 +564,7 @@ fn parameters_of_a_recording_are_shown_and_previewed_and_cannot_be_sent() {
     harness.run();
     harness.get_by_label("Default of max_speed_mps: 0.5").click();
     harness.run();
-    assert!(harness.state().selection.preview.is_some());
+    assert!(harness.state().selection.preview.get().is_some());
     assert!(harness.get_by_label_contains("Send 1").accesskit_node().is_disabled());
     assert!(harness.query_by_label_contains("run a stack on it").is_some());
 }

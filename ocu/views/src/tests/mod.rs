@@ -8,6 +8,7 @@ mod pictures;
 mod plans;
 mod projections;
 mod sweeps;
+mod tunes;
 
 use crate::samples;
 use crate::view::{Selection, View, ViewContext, Wish, show};
@@ -46,6 +47,7 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
                 let Shown { view, frame, selection, controls, wishes } = shown;
                 show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection, wishes });
                 selection.hovered.turn();
+                selection.preview.turn();
             },
             shown,
         )

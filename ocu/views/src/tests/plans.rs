@@ -5,9 +5,11 @@ use crate::samples;
 use crate::view::{Hover, HoverPoint, TopicKey};
 use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
+use rcs_bus::Sample;
+use rcs_msg::AnyMessage;
 use rcs_msg::rcs::{ExampleKind, Mission, PlanePoint, PlanePolygon, TrainingExample};
-use rcs_runtime::source::Control;
+use rcs_runtime::source::{Control, RunTag};
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new(kind, samples::driving()), Vec2::new(900.0, 760.0), Theme::Dark);
@@ -128,8 +130,25 @@ fn a_mission_is_drawn_and_sent_and_a_click_sends_the_vehicle_to_one_goal() {
     assert_eq!(sent(&mut map)[0].goals.len(), 1);
 }
 
-/// What the map sends for *Drive here* after a zone was sent in a frame.
-fn driven_after_a_zone_in(frame_id: &str) -> Vec<Mission> {
+#[test]
+fn a_click_on_the_panel_of_a_mission_does_not_reach_the_map() {
+    let mut map = shown("map");
+    map.get_by_label_contains("Draw a mission").click();
+    map.run();
+    let send = map.get_by_label_contains("Send").rect();
+    let note = map.get_by_label_contains("1 goal, 0 keep-out zones: as sent").rect();
+    for at in [send.center(), note.right_center() + Vec2::new(20.0, 0.0)] {
+        click(&mut map, at, egui::PointerButton::Primary);
+        assert!(map.query_by_label_contains("1 goal, 0 keep-out zones: as sent").is_some(), "{at:?}");
+    }
+    let zones = map.get_by_label("Keep-out zones").rect().center();
+    click(&mut map, zones, egui::PointerButton::Primary);
+    click(&mut map, send.center(), egui::PointerButton::Primary);
+    assert!(map.query_by_label_contains("1 goal, 0 keep-out zones: as sent").is_some());
+}
+
+/// A map after a zone was sent in a frame.
+fn map_after_a_zone_in(frame_id: &str) -> Harness<'static, Shown> {
     let corner = |x_m, y_m| PlanePoint { x_m, y_m };
     let zone = PlanePolygon { points: vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)] };
     let mission = Mission { frame_id: frame_id.to_owned(), keep_out: vec![zone], ..Mission::default() };
@@ -138,6 +157,12 @@ fn driven_after_a_zone_in(frame_id: &str) -> Vec<Mission> {
     frame.topics = topics.collect();
     let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
     map.run();
+    map
+}
+
+/// What the map sends for *Drive here* after a zone was sent in a frame.
+fn driven_after_a_zone_in(frame_id: &str) -> Vec<Mission> {
+    let mut map = map_after_a_zone_in(frame_id);
     let canvas = map.get_by_label("Map").rect();
     click(&mut map, canvas.center(), egui::PointerButton::Secondary);
     map.get_by_label_contains("Drive here").click();
@@ -149,6 +174,19 @@ fn driven_after_a_zone_in(frame_id: &str) -> Vec<Mission> {
 fn a_goal_by_a_click_keeps_the_zones_and_is_not_sent_where_they_would_be_lost() {
     assert_eq!(driven_after_a_zone_in("local")[0].keep_out.len(), 1);
     assert_eq!(driven_after_a_zone_in("elsewhere").len(), 0);
+}
+
+#[test]
+fn a_mission_is_not_drawn_where_the_zones_that_were_sent_cannot_be_placed() {
+    for (frame_id, is_refused) in [("local", false), ("elsewhere", true)] {
+        let mut map = map_after_a_zone_in(frame_id);
+        let tool = map.get_by_label_contains("Draw a mission");
+        assert_eq!(tool.accesskit_node().is_disabled(), is_refused);
+        let canvas = map.get_by_label("Map").rect();
+        click(&mut map, canvas.center(), egui::PointerButton::Secondary);
+        let edit = map.get_by_label_contains("Edit the mission");
+        assert_eq!(edit.accesskit_node().is_disabled(), is_refused);
+    }
 }
 
 #[test]
@@ -172,4 +210,36 @@ fn an_obstacle_is_drawn_and_sent_to_the_processes_that_learn() {
     assert_eq!((buffer.as_str(), example.frame_id.as_str()), ("/operator/training", "local"));
     assert_eq!((example.kind(), example.outline.unwrap().points.len()), (ExampleKind::ExampleObstacle, 3));
     assert!(map.query_by_label_contains("1 example sent").is_some());
+}
+
+#[test]
+fn an_old_plan_and_old_arcs_look_old_and_tell_their_age() {
+    let at = |seconds: u64| {
+        let mut frame = samples::driving();
+        let is_planned = |name: &str| ["/planner/plan", "/follower/arcs"].contains(&name);
+        frame.topics = frame.topics.iter().filter(|topic| is_planned(&topic.name)).cloned().collect();
+        frame.now = samples::NOW.after_ns(seconds * 1_000_000_000);
+        let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+        map.run();
+        map.query_all_by_label_contains("old: ").count()
+    };
+    assert_eq!((at(0), at(9)), (0, 2));
+}
+
+#[test]
+fn the_mission_of_the_run_counts_and_not_a_recorded_one() {
+    let mut frame = samples::driving();
+    let driven = frame.topic("/generator/driven").unwrap().clone();
+    let mut recorded = driven.clone();
+    recorded.run = RunTag::Recorded;
+    let sample = recorded.latest.clone().unwrap();
+    let mission = Mission { frame_id: "local".to_owned(), ..Mission::default() };
+    let message = AnyMessage::new(mission);
+    let recorded = recorded.with_latest(Sample { message, ..sample });
+    frame.topics = std::iter::once(recorded).chain(frame.topics.iter().cloned()).collect();
+    let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+    map.run();
+    map.get_by_label_contains("Draw a mission").click();
+    map.run();
+    assert!(map.query_by_label_contains("1 goal, 0 keep-out zones").is_some(), "what is left of the run's");
 }

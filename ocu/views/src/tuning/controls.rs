@@ -1,13 +1,20 @@
 //! One row per parameter: its name, a control of its type with unit and range, and a way back to the default.
 
 use super::draft::text_of;
-use egui::{Align, DragValue, Layout, RichText, Role, Slider, Ui, Vec2, WidgetInfo};
+use egui::emath::{format_with_decimals_in_range, round_to_decimals};
+use egui::{
+    Align, DragValue, Layout, Response, RichText, Role, Slider, SliderClamping, Ui, Vec2, WidgetInfo,
+};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::params::{ParamKind, ParamSpec};
 use rcs_msg::{FieldPath, Value};
+use std::cell::Cell;
+use std::ops::RangeInclusive;
 
 /// A text longer than this is the content of a file, which is not edited in a row.
 const LONG_TEXT: usize = 200;
+/// Most decimals that a slider shows, and to which it rounds what is dragged.
+const DECIMALS: usize = 4;
 
 /// A parameter with its value in the draft.
 pub(crate) struct Row<'a> {
@@ -114,8 +121,10 @@ impl Rows<'_> {
             response.on_hover_ui(|ui| help(ui, row, &default, in_force.as_deref()));
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 let (place, _) = ui.allocate_exact_size(Vec2::splat(20.0), egui::Sense::hover());
+                // Also where it stays empty: else the control beside it gets another id, and loses the focus, as soon as
+                // what is typed in it differs from the default.
+                let mut child = ui.new_child(egui::UiBuilder::new().max_rect(place));
                 if text != default && spec.file.is_none() {
-                    let mut child = ui.new_child(egui::UiBuilder::new().max_rect(place));
                     let name = format!("Default of {}: {default}", row.path);
                     if widgets::icon_button(&mut child, icons::ICON_RESTART_ALT, &name).clicked() {
                         self.edits.push((row.path.clone(), default.clone()));
@@ -133,6 +142,58 @@ impl Rows<'_> {
     }
 }
 
+/// The shortest number that a 32-bit field stores as this value; other values as they are.
+fn shortest(number: f64) -> f64 {
+    let narrow = number as f32;
+    if f64::from(narrow) == number { narrow.to_string().parse().unwrap_or(number) } else { number }
+}
+
+/// A slider of a number with a narrow range, else a number that can be dragged. Neither showing nor leaving it changes
+/// the value, which may have more decimals than are shown; what is typed is taken with all decimals.
+fn number_control(ui: &mut Ui, row: &Row<'_>, new: &mut f64, unit: String) -> Response {
+    let spec = row.spec;
+    let before = *new;
+    let bounds = spec.min.zip(spec.max).filter(|(min, max)| max - min <= 1e4);
+    let id = ui.scope_id().with(("typed", &row.path));
+    // The number that was shown when typing began, and the value that it stands for.
+    let begun = ui.data(|data| data.get_temp::<[f64; 2]>(id));
+    let written = Cell::new(before);
+    let write = |value: f64, decimals: RangeInclusive<usize>| {
+        let most = if bounds.is_some() { DECIMALS } else { *decimals.end() };
+        let text = format_with_decimals_in_range(value, (*decimals.start()).min(most)..=most);
+        written.set(text.parse().unwrap_or(value));
+        text
+    };
+    let read = |text: &str| {
+        let text: String = text.chars().filter(|c| !c.is_whitespace()).collect();
+        let typed: f64 = text.replace('\u{2212}', "-").parse().ok()?;
+        let [shown, value] = begun.unwrap_or([written.get(), before]);
+        Some(if typed == shown { value } else { typed })
+    };
+    let response = if let Some((min, max)) = bounds {
+        ui.spacing_mut().slider_width = (ui.available_width() - 96.0).max(32.0);
+        let wide = min > 0.0 && max / min > 500.0;
+        let slider = Slider::new(new, min..=max).suffix(unit).logarithmic(wide);
+        let slider = slider.clamping(SliderClamping::Edits);
+        ui.add(slider.custom_formatter(write).custom_parser(read))
+    } else {
+        let range = spec.min.unwrap_or(f64::MIN)..=spec.max.unwrap_or(f64::MAX);
+        let speed = (before.abs() * 0.01).max(0.001);
+        let drag = DragValue::new(new).range(range).speed(speed).suffix(unit).clamp_existing_to_range(false);
+        ui.add(drag.custom_formatter(write).custom_parser(read))
+    };
+    let is_typed = response.has_focus() || response.lost_focus();
+    if response.has_focus() && begun.is_none() {
+        ui.data_mut(|data| data.insert_temp(id, [written.get(), before]));
+    } else if !response.has_focus() && begun.is_some() {
+        ui.data_mut(|data| data.remove::<[f64; 2]>(id));
+    }
+    if bounds.is_some() && !is_typed && *new != before {
+        *new = round_to_decimals(*new, DECIMALS);
+    }
+    response
+}
+
 /// The control of a plain parameter; returns the new text, and whether the control was let go.
 fn control(ui: &mut Ui, row: &Row<'_>, value: &Value) -> Option<(String, bool)> {
     let spec = row.spec;
@@ -145,8 +206,10 @@ fn control(ui: &mut Ui, row: &Row<'_>, value: &Value) -> Option<(String, bool)> 
         response.widget_info(|| WidgetInfo::labeled(role, true, &name));
     };
     let changed = |response: &egui::Response, text: String| {
-        let done = response.drag_stopped() || response.lost_focus() || !response.dragged();
-        (response.changed() || response.drag_stopped()).then_some((text, done))
+        // A number that is being typed changes with each key.
+        let done =
+            response.drag_stopped() || response.lost_focus() || !(response.dragged() || response.has_focus());
+        (response.changed() || response.drag_stopped() || response.lost_focus()).then_some((text, done))
     };
     match value {
         Value::Bool(on) => {
@@ -156,21 +219,15 @@ fn control(ui: &mut Ui, row: &Row<'_>, value: &Value) -> Option<(String, bool)> 
             response.changed().then(|| (on.to_string(), true))
         }
         Value::Float(number) => {
-            let mut new = *number;
-            let response = match (spec.min, spec.max) {
-                (Some(min), Some(max)) if max - min <= 1e4 => {
-                    ui.spacing_mut().slider_width = (ui.available_width() - 96.0).max(32.0);
-                    let wide = min > 0.0 && max / min > 500.0;
-                    ui.add(Slider::new(&mut new, min..=max).suffix(unit).logarithmic(wide).max_decimals(4))
-                }
-                (min, max) => {
-                    let range = min.unwrap_or(f64::MIN)..=max.unwrap_or(f64::MAX);
-                    let speed = (number.abs() * 0.01).max(0.001);
-                    ui.add(DragValue::new(&mut new).range(range).speed(speed).suffix(unit))
-                }
-            };
+            let shown = shortest(*number);
+            let mut new = shown;
+            let response = number_control(ui, row, &mut new, unit);
             label(&response, Role::Slider);
-            changed(&response, new.to_string())
+            if new.is_nan() {
+                return None;
+            }
+            let value = if new == shown { *number } else { new };
+            changed(&response, value.to_string())
         }
         Value::Int(_) | Value::Uint(_) => {
             let mut new = value.as_i64()?;
@@ -250,4 +307,16 @@ fn note(ui: &mut Ui, depth: usize, text: &str) {
         ui.add_space(8.0 + 12.0 * depth as f32);
         ui.label(RichText::new(text).small().color(tokens(ui).weak));
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_of_32_bits_is_shown_as_it_was_written() {
+        assert_eq!(shortest(f64::from(0.1_f32)), 0.1);
+        assert_eq!((shortest(0.003_906_25), shortest(0.1)), (0.003_906_25, 0.1));
+        assert!(shortest(f64::NAN).is_nan());
+    }
 }

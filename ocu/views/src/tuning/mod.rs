@@ -17,6 +17,7 @@ use rcs_msg::{AnyMessage, rcs};
 use rcs_runtime::source::{Control, Frame};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 pub(crate) use controls::{Row as ParamRow, Rows as ParamRows};
 
@@ -39,6 +40,8 @@ pub(crate) struct Tuning {
     drafts: BTreeMap<String, Draft>,
     /// Address of a list of processes, and the process of it that fuses maps, or has parameters at all.
     usual: Option<(usize, String)>,
+    /// Stands for this view where it states a preview.
+    own: Arc<()>,
 }
 
 impl View for Tuning {
@@ -60,6 +63,7 @@ impl View for Tuning {
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
         let chosen = self.chosen(cx).map(|info| (info, in_force(cx.frame, info)));
         let Some((info, Some(in_force))) = chosen else {
+            cx.selection.preview.end(&self.own, None);
             let hint = "A stack has parameters: run one, on a recording or in a simulation. \
                         A recording of a stack shows those with which it ran.";
             return widgets::empty(ui, icons::ICON_TUNE, "No parameters here", hint);
@@ -72,7 +76,6 @@ impl View for Tuning {
         let draft = self.drafts.entry(info.name.clone()).or_default();
         draft.follow(&in_force, &now);
         let may_send = refusal(cx.frame).is_none();
-        let changed = draft.is_changed();
         actions(ui, cx, info, draft, &in_force, self.saved.at_once);
         notes(ui, cx.frame, info, draft);
         let specs = draft.specs().to_vec();
@@ -95,10 +98,14 @@ impl View for Tuning {
         for (path, text) in edits {
             draft.set(&in_force, &path, text);
         }
+        if let_go {
+            // A control that was let go unchanged states what is in force.
+            draft.follow(&in_force, &now);
+        }
         if self.saved.at_once && let_go && may_send && draft.is_changed() {
             send(cx, info, draft, &in_force);
         }
-        self.preview(ui, cx, info, &in_force, changed);
+        self.preview(cx, info, &in_force);
     }
 }
 
@@ -152,25 +159,14 @@ impl Tuning {
     }
 
     /// Tells other views what is being edited.
-    fn preview(
-        &self,
-        ui: &Ui,
-        cx: &mut ViewContext<'_>,
-        info: &rcs::ProcessInfo,
-        in_force: &AnyMessage,
-        changed: bool,
-    ) {
-        let Some(draft) = self.drafts.get(&info.name) else { return };
-        let preview = draft
-            .is_changed()
-            .then(|| Preview { process: info.name.as_str().into(), params: draft.message(in_force) });
-        let is_own = cx.selection.preview.as_ref().is_none_or(|shown| *shown.process == *info.name);
-        if (preview.is_some() || (is_own && changed != draft.is_changed()) || (is_own && preview.is_none()))
-            && cx.selection.preview != preview
-        {
-            cx.selection.preview = preview;
-            // Views that were painted before this one show it in the next pass.
-            ui.ctx().request_repaint();
+    fn preview(&self, cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, in_force: &AnyMessage) {
+        let draft = self.drafts.get(&info.name).filter(|draft| draft.is_changed());
+        let preview = &mut cx.selection.preview;
+        match draft.map(|draft| draft.message(in_force)) {
+            Some(params) => {
+                preview.set(&self.own, Preview { process: info.name.as_str().into(), params });
+            }
+            None => preview.end(&self.own, Some(&info.name)),
         }
     }
 }

@@ -1,0 +1,99 @@
+//! Parameters that are shown, typed and left, in the views of tuning and of details.
+
+use super::{Shown, harness};
+use crate::samples;
+use crate::view::{Preview, Previews};
+use egui::accesskit::Role;
+use egui::{Event, Key, Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use rcs_msg::rcs::{CommandInfo, SpeedLimit};
+use rcs_msg::{AnyMessage, schema_of};
+
+/// A number with more decimals than are shown.
+const FINE: f64 = 0.003_906_25;
+
+/// A view of a process whose only parameter has this value, and whose only command has the same parameter.
+fn shown(kind: &str, saved: &serde_json::Value, max_speed_mps: f64) -> Harness<'static, Shown> {
+    let mut frame = samples::driving();
+    let limit = samples::topic("/vehicle_interface/params", 0.0, 0.1, SpeedLimit { max_speed_mps });
+    let others = frame.topics.iter().filter(|topic| topic.name != limit.name).cloned();
+    frame.topics = others.chain([limit.clone()]).collect();
+    let mut processes = frame.processes.to_vec();
+    let parameters_schema = schema_of::<SpeedLimit>().name().to_owned();
+    processes[0].commands =
+        vec![CommandInfo { name: "LIMIT".into(), parameters_schema, ..CommandInfo::default() }];
+    frame.processes = processes.into();
+    let mut shown = Shown::new(kind, frame);
+    shown.view.load(saved).unwrap();
+    let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    harness
+}
+
+fn press(harness: &mut Harness<'_, Shown>, key: Key) {
+    harness.key_press(key);
+    harness.run();
+}
+
+/// Goes to the number beside the slider of the parameter.
+fn go_to_number(harness: &mut Harness<'_, Shown>) {
+    harness.get_by_role_and_label(Role::Slider, "max_speed_mps").focus();
+    harness.run();
+    press(harness, Key::Tab);
+}
+
+#[test]
+fn a_parameter_with_many_decimals_is_not_changed_by_showing_it_or_by_leaving_it() {
+    let mut harness = shown("tuning", &serde_json::json!({ "at_once": true }), FINE);
+    assert_eq!(harness.state().selection.preview.get(), None);
+    go_to_number(&mut harness);
+    press(&mut harness, Key::Tab);
+    assert_eq!(harness.state().selection.preview.get(), None);
+    assert!(harness.state().controls.is_empty());
+}
+
+#[test]
+fn a_number_is_typed_with_all_its_decimals() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    go_to_number(&mut harness);
+    harness.event(Event::Text(FINE.to_string()));
+    harness.run();
+    press(&mut harness, Key::Tab);
+    let preview = harness.state().selection.preview.get().cloned().unwrap();
+    assert_eq!(preview.params.to::<SpeedLimit>().unwrap().max_speed_mps, FINE);
+}
+
+#[test]
+fn a_command_that_goes_out_on_each_change_does_not_go_out_without_one() {
+    let mut harness = shown("details", &serde_json::json!({ "on_each_change": true }), 1.0);
+    go_to_number(&mut harness);
+    press(&mut harness, Key::Tab);
+    assert_eq!(harness.state().controls.len(), 0, "nothing was changed");
+    for _ in 0..2 {
+        go_to_number(&mut harness);
+        harness.event(Event::Text("2.5".to_owned()));
+        harness.run();
+        press(&mut harness, Key::Tab);
+        assert_eq!(harness.state().controls.len(), 1, "the same number is sent once");
+    }
+}
+
+#[test]
+fn a_preview_stays_while_its_view_exists_until_that_view_ends_it() {
+    let params = AnyMessage::new(SpeedLimit { max_speed_mps: 1.0 });
+    let preview = |process: &str| Preview { process: process.into(), params: params.clone() };
+    let (a, b) = (std::sync::Arc::new(()), std::sync::Arc::new(()));
+    let mut previews = Previews::default();
+    previews.set(&a, preview("wm1"));
+    assert!(previews.turn() && !previews.turn(), "it stays while its view is hidden");
+    previews.end(&b, None);
+    previews.end(&a, Some("planner"));
+    assert!(!previews.turn(), "a view without a draft ends nothing of another one");
+    previews.end(&a, Some("wm1"));
+    assert!(previews.turn() && previews.get().is_none());
+    previews.set(&a, preview("wm1"));
+    previews.turn();
+    drop(a);
+    assert!(previews.turn() && previews.get().is_none(), "its view was closed");
+}
