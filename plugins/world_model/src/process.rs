@@ -159,14 +159,14 @@ impl Process for WorldModel {
         self.forget_unlisted(&listed);
         for (source, port) in &ports.named {
             while let Some(grid) = cx.read(port) {
-                if let Err(fault) = self.vote(&[*source], &grid, &listed, params, cx.now()) {
+                if let Err(fault) = self.vote(&[*source], &grid, &listed, params) {
                     cx.fault(format!("{source}: {fault}; cost map skipped"));
                 }
             }
         }
         while let Some(grid) = cx.read(&ports.costs) {
-            let voted = sources_of(&grid, &listed)
-                .and_then(|sources| self.vote(&sources, &grid, &listed, params, cx.now()));
+            let voted =
+                sources_of(&grid, &listed).and_then(|sources| self.vote(&sources, &grid, &listed, params));
             if let Err(fault) = voted {
                 cx.fault(format!("costs: {fault}; cost map skipped"));
             }
@@ -232,14 +232,12 @@ impl WorldModel {
         grid: &Msg<Grid>,
         listed: &Listed,
         params: &WorldModelParams,
-        now: Stamp,
     ) -> Result<(), String> {
         let origin = |&source: &Source| {
             Some(VoteOrigin {
                 source,
                 sequence: grid.header().sequence as u32,
-                // A time from the future would make the source look new until then.
-                time: grid.acq_time().min(now),
+                time: grid.acq_time_on_arrival(),
                 rule: listed.rule(source)?,
                 least_backing: listed.least_backing(source),
                 height_tolerance_m: params.height_tolerance_m as f32,
@@ -262,8 +260,7 @@ impl WorldModel {
         if let Some(map) = copy {
             self.map = map;
         }
-        // A time from the future would make the map look new for ever.
-        self.changed = self.changed.max(grid.acq_time().min(now));
+        self.changed = self.changed.max(grid.acq_time_on_arrival());
         for (origin, votes) in std::iter::zip(&origins, votes) {
             self.seen.insert(origin.source);
             let contribution = self.contribution(origin.source);

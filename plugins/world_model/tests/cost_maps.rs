@@ -85,7 +85,7 @@ fn a_cost_map_from_the_future_does_not_make_the_map_look_new_for_ever() {
     write_ahead(&mut bench, "/operator/stereo", HOUR_MS, cost_map(&[("stereo", 250)]));
     bench.cycles(50, 4);
     let time_ms = map_time_ms(&bench);
-    assert!((200..=bench.now_ms).contains(&time_ms), "{time_ms}");
+    assert!((150..=bench.now_ms).contains(&time_ms), "when it came: {time_ms}");
     bench.cycles(50, 4);
     assert_eq!(map_time_ms(&bench), time_ms);
     bench.cycles(50, 40);
