@@ -9,7 +9,7 @@ use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_msg::image::{ImageError, depth_m, raw_to_rgb8};
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of};
+use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, read_calibration};
 use serde::{Deserialize, Serialize};
 
 /// Images that are farther apart in time show too little of the same, s.
@@ -90,7 +90,7 @@ impl Process for VisualMotion {
     fn cycle(&mut self, ports: &Ports, params: &VisualMotionParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), params.mount.as_ref());
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
-        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
             self.camera = match camera_of(&calibration) {
                 Ok(camera) => Some(camera),
                 Err(error) => {

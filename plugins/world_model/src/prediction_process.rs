@@ -11,7 +11,7 @@ use rcs_msg::foxglove::{
     CameraCalibration, Color, Grid, ImageAnnotations, Point2, PointsAnnotation, PosesInFrame, RawImage,
 };
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of};
+use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, read_calibration};
 use rcs_world::{GridView, GridViewError};
 use serde::{Deserialize, Serialize};
 
@@ -79,7 +79,7 @@ impl Process for Prediction {
 
     fn cycle(&mut self, ports: &Ports, params: &PredictionParams, cx: &mut Cycle<'_>) {
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
-        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
             let camera: Result<_, CameraError> = camera_of(&calibration);
             self.camera = camera.map_err(|error| cx.fault(format!("calibration: {error}"))).ok();
         }

@@ -8,6 +8,7 @@ use rcs_msg::foxglove::points_annotation::Type;
 use rcs_msg::foxglove::{
     CameraCalibration, Grid, ImageAnnotations, PointsAnnotation, PoseInFrame, PosesInFrame, RawImage,
 };
+use rcs_msg::rcs::Command;
 use rcs_runtime::ProcessType;
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
@@ -162,4 +163,20 @@ fn nothing_is_predicted_of_an_old_map_and_path_or_in_another_frame() {
     let (faults, why) = bench.faults("prediction");
     assert!(faults == 1 && why.contains("map is in the frame \"map\", expected \"local\""), "{faults} {why}");
     assert_eq!(bench.sent("/prediction/predicted"), 0);
+}
+
+#[test]
+fn after_init_the_calibration_that_was_sent_once_is_still_known() {
+    let mut bench = bench(map_with(&[], Stamp(1)).0);
+    bench.cycles(50, 2);
+    for (serial, name) in [(2, "INIT"), (3, "RUN")] {
+        bench.write("/prediction/command", Command { serial, name: name.to_owned(), ..Command::default() });
+        bench.cycles(50, 2);
+    }
+    bench.write("/operator/pose", pose());
+    bench.write("/operator/image", image());
+    bench.cycles(50, 2);
+    assert_eq!(bench.faults("prediction"), (0, String::new()));
+    let predicted: ImageAnnotations = bench.latest("/prediction/predicted");
+    assert_eq!(of(&predicted, Type::LineStrip).len(), 1);
 }
