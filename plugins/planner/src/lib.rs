@@ -142,7 +142,6 @@ pub mod shortcut;
 mod signals;
 pub mod slips;
 pub mod terrain;
-mod wall;
 pub mod waypoints;
 pub mod zones;
 

@@ -205,8 +205,6 @@ mod tests {
 
     fn rules() -> Rules {
         Rules {
-            wall_share: 0.0,
-            wall: 250,
             table: vec![(124, 10)],
             unknown: 20,
             unknown_near: 20,

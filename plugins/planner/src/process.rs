@@ -406,8 +406,6 @@ fn rules(params: &PlannerParams) -> Rules {
         sure_m: if params.sure_m > 0.0 { params.sure_m } else { f64::INFINITY },
         unsure: params.unsure_cost as u8,
         unknown_near: params.unknown_near_cost as u8,
-        wall_share: params.wall_share,
-        wall: params.wall_cost as u8,
         heading: params.heading_preference,
         heading_range_m: params.heading_range_m,
         relief_range_m: params.relief_range_m,

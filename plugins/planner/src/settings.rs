@@ -26,8 +26,6 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
         table: costs.table.iter().map(|class| (class.up_to as u8, class.cost as u8)).collect(),
         unknown: costs.unknown_cost as u8,
         unknown_near: costs.unknown_cost as u8,
-        wall_share: 0.0,
-        wall: crate::costs::MAX_COST,
         half_width_m: half_m,
         least_room_m: half_m + costs.clearance_m,
         far_room_m: half_m + costs.clearance_m,

@@ -27,7 +27,6 @@ use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
 use crate::ground::Ground;
 use crate::place::Place;
 use crate::sensed::{Sensed, around};
-use crate::wall::{Continued, Known, Walls};
 use crate::zones::Zones;
 use rcs_geom::{DVec2, Pose};
 use rcs_world::UNKNOWN_COST;
@@ -42,10 +41,6 @@ pub struct Rules {
     pub unknown: u8,
     /// Cost of unknown cells near the vehicle, and near where it was.
     pub unknown_near: u8,
-    /// By which share of what was seen of it a wall goes on where nothing is known; 0 for not at all.
-    pub wall_share: f64,
-    /// Cost of an unknown cell next to the end that was seen of a wall; it falls to that of others along the wall.
-    pub wall: u8,
     /// Half the width of the vehicle, m.
     pub half_width_m: f64,
     /// Half the width of the vehicle and the least distance beside it, m.
@@ -173,10 +168,6 @@ pub struct Terrain {
     was_near: Vec<bool>,
     /// Whether an obstacle in the cell is certain, because it was seen from near; empty if all are.
     is_sure: Vec<bool>,
-    /// Unknown cells in which walls probably go on.
-    walls: Walls,
-    is_known_obstacle: Vec<bool>,
-    is_unknown: Vec<bool>,
     /// Whether the vehicle must not drive in the cell, whatever is in it; empty if it may in all.
     forbidden: Vec<bool>,
     /// Factor by which terrain and clearance are dearer because the cell belongs to a place that is barred; empty if none
@@ -216,7 +207,6 @@ impl Terrain {
         let reach = (rules.half_width_m / sensed.cell_size_m + 0.5) as usize;
         let ground = sensed.fused.iter().map(|&cost| self.by_cost[usize::from(cost)]);
         self.ground.lay(sensed.columns, ground, reach);
-        self.continue_walls(sensed, rules);
         self.forbid(sensed, vehicle, past, rules);
         self.bar(sensed, past, rules);
         let bound = (rules.wish_room_m / sensed.cell_size_m).ceil().clamp(1.0, MAX_BOUND as f64) as usize;
@@ -260,27 +250,6 @@ impl Terrain {
             .collect();
         self.near_the_vehicle(sensed, vehicle, rules, &mut cells);
         CostGrid::new(sensed.columns, cells.len() / sensed.columns.max(1), cells)
-    }
-
-    /// Finds the unknown cells in which walls probably go on. What was only seen from far belongs to a wall, too.
-    fn continue_walls(&mut self, sensed: &Sensed, rules: &Rules) {
-        self.walls.clear();
-        if rules.wall_share <= 0.0 || sensed.columns == 0 {
-            return;
-        }
-        let is_obstacle = |&cost: &u8| cost != UNKNOWN_COST && self.by_cost[usize::from(cost)].is_none();
-        self.is_known_obstacle.clear();
-        self.is_known_obstacle.extend(sensed.fused.iter().map(is_obstacle));
-        self.is_unknown.clear();
-        self.is_unknown.extend(sensed.fused.iter().map(|&cost| cost == UNKNOWN_COST));
-        let known = Known {
-            columns: sensed.columns,
-            cell_size_m: sensed.cell_size_m,
-            is_obstacle: &self.is_known_obstacle,
-            is_unknown: &self.is_unknown,
-        };
-        let continued = Continued { share: rules.wall_share, cost: rules.wall, unknown: rules.unknown };
-        self.walls.find(&known, &continued);
     }
 
     /// Marks the cells in which the vehicle must not drive: a vehicle that has come into one can leave it, and turn
@@ -365,8 +334,6 @@ impl Terrain {
         let terrain = self.ground.mean(at).or_else(unsure);
         let is_hidden = fused == UNKNOWN_COST && self.was_near.get(at).is_some_and(|&was_near| was_near);
         let terrain = if is_hidden { terrain.map(|_| f32::from(rules.unknown_near)) } else { terrain };
-        let wall = self.walls.cost(at).map_or(0.0, f32::from);
-        let terrain = terrain.map(|terrain| terrain.max(wall));
         terrain.map(|terrain| self.barred(at, terrain))
     }
 

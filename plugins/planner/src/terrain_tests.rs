@@ -4,8 +4,6 @@ use super::*;
 
 fn rules() -> Rules {
     Rules {
-        wall_share: 0.0,
-        wall: 250,
         table: vec![(30, 10), (124, 60)],
         unknown: 20,
         unknown_near: 20,
@@ -331,27 +329,4 @@ fn a_firm_path_through_a_place_where_the_wheels_slipped_is_cheaper_than_the_mud_
 fn costs_with_barred(sensed: &Sensed, barred: &[Barred]) -> CostGrid {
     let past = Past { barred, ..Past::default() };
     Terrain::default().costs(sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &past, &rules()).unwrap()
-}
-
-#[test]
-fn unknown_ground_in_line_with_a_wall_is_dearer_where_walls_go_on() {
-    let mut map = sensed(UNKNOWN_COST);
-    for column in 0..41 {
-        for row in 0..21 {
-            map.fused[row * 41 + column] = 0;
-        }
-    }
-    for row in 6..21 {
-        map.fused[row * 41 + 30] = 250;
-    }
-    let (vehicle, past) = (Pose::from_xy_yaw(-3.0, -3.0, 0.0), Past::default());
-    let rules = Rules { wall_share: 0.5, wall: 200, ..rules() };
-    let mut terrain = Terrain::default();
-    let costs = terrain.costs(&map, &vehicle, &past, &rules).unwrap();
-    let (beyond, beside) = (Place::new(30, 24), Place::new(12, 24));
-    assert_eq!(costs.get(beside), Some(20));
-    let cost = costs.get(beyond).unwrap();
-    assert!((100..200).contains(&cost), "{cost}");
-    let terms = terrain.terms(&map, beyond, &vehicle, &rules).unwrap();
-    assert_eq!(terms.total(), f32::from(cost), "the terms tell it");
 }
