@@ -71,7 +71,7 @@ fn watch(course: &str, seconds: u64, mut see: impl FnMut(&Frame, &[GroundTruthOb
         let local_from_vehicle = pose_of(local.pose.as_ref(), "local").unwrap();
         let global_from_local = global_from_vehicle * local_from_vehicle.inverse();
         if let Some(transforms) = latest::<FrameTransforms>(&run, "/vehicle/static_transforms") {
-            mounts.add_transforms(&transforms, true).unwrap();
+            mounts.add_static_transforms(&transforms).unwrap();
         }
         let Some(things) = latest::<GroundTruthObjects>(&run, "/vehicle/ground_truth_objects") else {
             continue;

@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use rcs_geom::TransformTree;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{
-    Control, Driver, Frame, HeldControl, Playback, Runs, Source, SourceError, SourceInfo, SourceKind, Step,
-    Task,
+    Control, Driver, Frame, HeldControl, Source, SourceError, SourceInfo, SourceKind, Step, Task,
 };
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -50,24 +48,7 @@ impl Source for Busy {
     }
 
     fn frame(&mut self) -> Frame {
-        Frame {
-            generation: 0,
-            info: self.info(),
-            now: self.now,
-            topics: Arc::new([]),
-            processes: Arc::new([]),
-            tracks: Arc::new([]),
-            events: Arc::new([]),
-            fields: Arc::new([]),
-            transforms: Arc::new(TransformTree::new()),
-            runs: Runs::default(),
-            playback: Playback::default(),
-            recording: None,
-            beside: Arc::new([]),
-            is_beside: false,
-            comparisons: Arc::new([]),
-            against: None,
-        }
+        Frame::empty(self.info(), self.now)
     }
 
     fn seek(&mut self, to: Stamp, _task: &Task) -> Result<(), SourceError> {

@@ -96,47 +96,42 @@ impl Localizer {
         Ok(self.tree.insert_as_of(&message.frame_id, STREAM, time.0, pose, now.0)?)
     }
 
-    /// Adds transforms, at their times or as static ones. Those that are refused do not keep out the others; the first
-    /// error is returned.
+    /// Adds transforms at their times, which arrive at `now`. Those that are not from the future replace those that are.
+    /// Those that are refused do not keep out the others; the first error is returned.
     pub fn add_transforms(
-        &mut self,
-        message: &foxglove::FrameTransforms,
-        is_static: bool,
-    ) -> Result<(), LocalizerError> {
-        self.add_each(message, |tree, transform, pose| {
-            let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
-            if is_static {
-                tree.set_static(parent, child, pose)
-            } else {
-                tree.insert(parent, child, time_of(transform).0, pose)
-            }
-        })
-    }
-
-    /// As [`Localizer::add_transforms`], for transforms at their times that arrive at `now`. Those that are not from the
-    /// future replace those that are.
-    pub fn add_transforms_as_of(
         &mut self,
         message: &foxglove::FrameTransforms,
         now: Stamp,
     ) -> Result<(), LocalizerError> {
-        self.add_each(message, |tree, transform, pose| {
-            let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
-            tree.insert_as_of(parent, child, time_of(transform).0, pose, now.0)
-        })
+        self.add_each(message, Some(now))
     }
 
-    /// Adds each transform of a message with `add`; returns the first error.
+    /// Adds transforms that hold at all times. Those that are refused do not keep out the others; the first error is
+    /// returned.
+    pub fn add_static_transforms(
+        &mut self,
+        message: &foxglove::FrameTransforms,
+    ) -> Result<(), LocalizerError> {
+        self.add_each(message, None)
+    }
+
+    /// Adds each transform of a message at its time, or as a static one without `now`.
     fn add_each(
         &mut self,
         message: &foxglove::FrameTransforms,
-        add: impl Fn(&mut TransformTree, &foxglove::FrameTransform, Pose) -> Result<(), TransformError>,
+        now: Option<Stamp>,
     ) -> Result<(), LocalizerError> {
         let mut result = Ok(());
         for transform in &message.transforms {
-            let (translation, rotation) = (transform.translation.as_ref(), transform.rotation.as_ref());
-            let pose = parts(translation, rotation, &transform.child_frame_id);
-            let added = pose.and_then(|pose| Ok(add(&mut self.tree, transform, pose)?));
+            let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
+            let pose = parts(transform.translation.as_ref(), transform.rotation.as_ref(), child);
+            let added = pose.and_then(|pose| {
+                let added = match now {
+                    None => self.tree.set_static(parent, child, pose),
+                    Some(now) => self.tree.insert_as_of(parent, child, time_of(transform).0, pose, now.0),
+                };
+                added.map_err(LocalizerError::from)
+            });
             result = result.and(added);
         }
         result
@@ -264,7 +259,7 @@ mod tests {
     #[test]
     fn a_stream_of_the_sensors_poses_tells_where_the_vehicle_is() {
         let mut localizer = Localizer::default();
-        localizer.add_transforms(&mount(), true).unwrap();
+        localizer.add_static_transforms(&mount()).unwrap();
         localizer.add_pose(&pose_at(1.0, "map"), Stamp(1_000), Stamp(1_000)).unwrap();
         localizer.add_pose(&pose_at(2.0, "map"), Stamp(2_000), Stamp(2_000)).unwrap();
         let pose = localizer.local_from_vehicle(NAMES, Stamp(1_500), 0.0).unwrap();
@@ -274,7 +269,7 @@ mod tests {
     #[test]
     fn an_old_pose_is_not_taken_for_the_present_one() {
         let mut localizer = Localizer::default();
-        localizer.add_transforms(&mount(), true).unwrap();
+        localizer.add_static_transforms(&mount()).unwrap();
         localizer.add_pose(&pose_at(1.0, "map"), Stamp(0), Stamp(0)).unwrap();
         assert!(localizer.local_from_vehicle(NAMES, Stamp(400_000_000), 0.5).is_ok());
         let late = localizer.local_from_vehicle(NAMES, Stamp(600_000_000), 0.5);
@@ -322,8 +317,8 @@ mod tests {
             );
         };
         let (mut fixed, mut timed) = (Localizer::default(), Localizer::default());
-        of_length_0(fixed.add_transforms(&message, true));
-        of_length_0(timed.add_transforms_as_of(&message, Stamp(7)));
+        of_length_0(fixed.add_static_transforms(&message));
+        of_length_0(timed.add_transforms(&message, Stamp(7)));
         assert!(fixed.lookup("base", "lidar", Stamp(9), 0.0).is_ok());
         assert!(timed.lookup("base", "lidar", Stamp(0), 0.0).is_ok());
     }

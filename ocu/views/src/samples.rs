@@ -23,9 +23,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, Status};
 use rcs_msg::{AnyMessage, MessageEncoding, Payload, Schema, Stamp, schema_of};
-use rcs_runtime::source::{
-    Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track, TrackPoint, WGS84,
-};
+use rcs_runtime::source::{Frame, RunTag, SourceInfo, SourceKind, Topic, Track, TrackPoint, WGS84};
 use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
 pub(crate) use states::{commands, forty, states};
 use std::sync::Arc;
@@ -45,24 +43,7 @@ pub(crate) fn empty() -> Frame {
         problems: Vec::new(),
         gaps: Vec::new(),
     };
-    Frame {
-        generation: 0,
-        info: Arc::new(info),
-        now: NOW,
-        topics: Arc::new([]),
-        processes: Arc::new([]),
-        tracks: Arc::new([]),
-        events: Arc::new([]),
-        fields: Arc::new([]),
-        transforms: Arc::new(TransformTree::new()),
-        runs: Runs::default(),
-        playback: Playback::default(),
-        recording: None,
-        beside: Arc::new([]),
-        is_beside: false,
-        comparisons: Arc::new([]),
-        against: None,
-    }
+    Frame::empty(Arc::new(info), NOW)
 }
 
 /// A topic with one message of age `age_s`.

@@ -240,7 +240,7 @@ fn camera(run: &Stepped, pair: &str) -> PinholeCamera {
 fn mount(run: &Stepped, frame: &str) -> Pose {
     let transforms: FrameTransforms = latest(run, "/vehicle/static_transforms").unwrap();
     let mut localizer = Localizer::default();
-    localizer.add_transforms(&transforms, true).unwrap();
+    localizer.add_static_transforms(&transforms).unwrap();
     let names = FrameNames { local: "local", vehicle: "vehicle", pose: "" };
     localizer.lookup(names.vehicle, frame, Stamp(0), 0.0).unwrap()
 }

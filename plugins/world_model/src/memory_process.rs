@@ -183,7 +183,7 @@ impl Process for MapMemoryKeeper {
             }
         }
         while let Some(message) = cx.read(&ports.transforms) {
-            if let Err(error) = self.frames.add_transforms(&message, false) {
+            if let Err(error) = self.frames.add_transforms(&message, cx.now()) {
                 cx.fault(format!("transforms: {error}; skipped"));
             }
         }

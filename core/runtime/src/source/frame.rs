@@ -259,6 +259,28 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// A frame of a source in which nothing has been read yet.
+    pub fn empty(info: Arc<SourceInfo>, now: Stamp) -> Self {
+        Self {
+            generation: 0,
+            info,
+            now,
+            topics: Arc::new([]),
+            processes: Arc::new([]),
+            tracks: Arc::new([]),
+            events: Arc::new([]),
+            fields: Arc::new([]),
+            transforms: Arc::new(TransformTree::new()),
+            runs: Runs::default(),
+            playback: Playback::default(),
+            recording: None,
+            beside: Arc::new([]),
+            is_beside: false,
+            comparisons: Arc::new([]),
+            against: None,
+        }
+    }
+
     /// The frame of a run: this one for `None` and for the viewed run. `None` if it is not known.
     pub fn of_run(&self, run: Option<RunId>) -> Option<&Frame> {
         match run {
@@ -365,22 +387,8 @@ mod tests {
         let topics =
             [topic("/a", RunTag::Recorded), topic("/b", RunTag::FIRST), topic("/c", RunTag::Recorded)];
         let frame = Frame {
-            generation: 0,
-            info: Arc::new(info),
-            now: Stamp(0),
             topics: topics.into_iter().chain([topic("/d", RunTag::FIRST)]).collect(),
-            processes: Arc::new([]),
-            tracks: Arc::new([]),
-            events: Arc::new([]),
-            fields: Arc::new([]),
-            transforms: Arc::new(TransformTree::new()),
-            runs: Runs::default(),
-            playback: Playback::default(),
-            recording: None,
-            beside: Arc::new([]),
-            is_beside: false,
-            comparisons: Arc::new([]),
-            against: None,
+            ..Frame::empty(Arc::new(info), Stamp(0))
         };
         let names: Vec<_> =
             frame.topics_of_type("foxglove.Vector2").map(|topic| topic.name.to_string()).collect();

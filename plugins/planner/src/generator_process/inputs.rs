@@ -25,7 +25,7 @@ impl WaypointGenerator {
     ) {
         let mut at = self.global_from_local.map(|(_, at)| at);
         while let Some(message) = cx.read(&ports.transforms) {
-            match self.frames.add_transforms(&message, false) {
+            match self.frames.add_transforms(&message, cx.now()) {
                 Ok(()) if places_local(&message, params) => at = Some(message.acq_time()),
                 Ok(()) => {}
                 Err(error) => cx.fault(format!("transforms: {error}; skipped")),
