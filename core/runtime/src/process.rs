@@ -38,6 +38,12 @@ pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static 
     }
     /// The state before the first cycle.
     fn new(params: &Self::Params) -> Self;
+    /// The state after `INIT`. What an operator has stated once, such as an emergency stop, may be taken over; after a
+    /// panic the state may be half changed.
+    #[must_use]
+    fn renew(&self, params: &Self::Params) -> Self {
+        Self::new(params)
+    }
     /// One cycle: read, compute, write, set the status.
     fn cycle(&mut self, ports: &Self::Ports, params: &Self::Params, cx: &mut Cycle<'_>);
     /// One cycle after `INIT`, which has created the state again. It is called until `RUN` or `HALT` arrives; call
@@ -186,7 +192,7 @@ impl std::fmt::Debug for ProcessType {
 pub(crate) trait Body: Send + Sync {
     /// One cycle of the function that belongs to the phase.
     fn cycle(&mut self, phase: Phase, cx: &mut Cycle<'_>);
-    /// Creates the state again from the parameters.
+    /// Creates the state again: see [`Process::renew`].
     fn reset(&mut self);
     /// Sets new parameters; an error if they have another type or name a file that is missing.
     fn set_params(&mut self, params: &AnyMessage) -> Result<(), String>;
@@ -247,7 +253,7 @@ impl<P: Process> Body for Runner<P> {
     }
 
     fn reset(&mut self) {
-        self.state = P::new(&self.params.typed);
+        self.state = self.state.renew(&self.params.typed);
     }
 
     fn set_params(&mut self, params: &AnyMessage) -> Result<(), String> {

@@ -35,6 +35,8 @@ rcs_runtime::commands! {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Supervisor {
     runs: bool,
+    /// Whether the children have not been sent an `INIT` that this supervisor has received.
+    initializes: bool,
     /// Why the vehicle interface is to be halted while this supervisor runs.
     stopped: Option<String>,
     /// When `HALT` was last sent to the vehicle interface.
@@ -85,15 +87,18 @@ impl Process for Supervisor {
         Self::default()
     }
 
+    fn renew(&self, _params: &SupervisorParams) -> Self {
+        Self { initializes: true, ..Self::default() }
+    }
+
     fn init(&mut self, ports: &Ports, _params: &SupervisorParams, cx: &mut Cycle<'_>) {
-        if cx.is_new_command() {
-            *self = Self::default();
-        }
-        order(ports, &Order::Init, cx.is_new_command(), cx);
+        self.catch_up(ports, cx);
+        order(ports, &Order::Init, false, cx);
         await_all(ports, "initialized", cx);
     }
 
     fn cycle(&mut self, ports: &Ports, _params: &SupervisorParams, cx: &mut Cycle<'_>) {
+        self.catch_up(ports, cx);
         let own: Vec<SupervisorCommand> = std::iter::from_fn(|| cx.next_command::<Self>()).collect();
         let is_run = cx.is_new_command() && (own.is_empty() || !self.runs);
         if is_run {
@@ -129,6 +134,7 @@ impl Process for Supervisor {
 
     fn halt(&mut self, ports: &Ports, params: &SupervisorParams, cx: &mut Cycle<'_>) {
         let (now, is_new) = (cx.now(), cx.is_new_command());
+        self.catch_up(ports, cx);
         if is_new {
             *self = Self::default();
         }
@@ -151,6 +157,15 @@ impl Process for Supervisor {
         order_others(ports, &Order::Halt, !self.all_halted, cx);
         self.all_halted = true;
         await_all(ports, "halted", cx);
+    }
+}
+
+impl Supervisor {
+    /// Sends the children the `INIT` after which another command came within the same period.
+    fn catch_up(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
+        if std::mem::take(&mut self.initializes) {
+            order(ports, &Order::Init, true, cx);
+        }
     }
 }
 

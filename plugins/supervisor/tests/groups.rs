@@ -335,6 +335,20 @@ fn a_child_that_panicked_stops_the_vehicle_and_comes_back_with_init_of_its_group
 }
 
 #[test]
+fn init_and_run_within_a_period_both_go_down() {
+    let mut bench = Bench::new();
+    bench.fate("camera", "panic");
+    bench.forward(800);
+    bench.fate("camera", "");
+    bench.say("robot", "INIT");
+    bench.say("robot", "RUN");
+    bench.forward(400);
+    bench.expect("camera", Exec, "works");
+    bench.expect("robot", Exec, "all children run");
+    bench.expect("wheels", Exec, "drives");
+}
+
+#[test]
 fn what_the_operator_halted_stays_halted_until_it_is_given_back() {
     let mut bench = Bench::new();
     bench.say("wheels", "HALT");

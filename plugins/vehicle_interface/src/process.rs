@@ -174,6 +174,10 @@ impl Process for VehicleInterface {
         Self::default()
     }
 
+    fn renew(&self, _params: &VehicleInterfaceParams) -> Self {
+        Self { emergency: self.emergency.clone(), ..Self::default() }
+    }
+
     fn cycle(&mut self, ports: &Ports, params: &VehicleInterfaceParams, cx: &mut Cycle<'_>) {
         let limit =
             cx.command::<Self>().map(|VehicleInterfaceCommand::LimitSpeed(limit)| limit.max_speed_mps);
@@ -244,12 +248,6 @@ impl VehicleInterface {
         while let Some(command) = cx.read(&ports.teleop) {
             let result = take(&mut self.teleop, &command, cx.now(), &limits);
             self.report("teleop", result, cx);
-        }
-        if self.last_cycle.is_none()
-            && let Some(message) = cx.latest(&ports.emergency_stop).filter(|message| message.active)
-        {
-            // A process whose state was created anew must still know an active emergency stop.
-            self.take_emergency(&message, cx.now());
         }
         while let Some(message) = cx.read(&ports.emergency_stop) {
             self.take_emergency(&message, cx.now());

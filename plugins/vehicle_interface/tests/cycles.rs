@@ -467,6 +467,9 @@ fn an_emergency_stop_outlives_init() {
     bench.drive_for(1.0, 10);
     bench.stop(true);
     bench.run(1);
+    let past = Some(Stamp(40_000_000).to_proto());
+    bench.write("/operator/emergency_stop", rcs::EmergencyStop { timestamp: past, ..Default::default() });
+    bench.run(1);
     bench.say(2, "INIT");
     bench.run(2);
     assert!(bench.vehicle().emergency_stopped);
