@@ -185,6 +185,11 @@ impl Node {
         &self.status
     }
 
+    /// Whether it panicked, and waits for `INIT`.
+    pub(crate) fn has_panicked(&self) -> bool {
+        self.panicked
+    }
+
     /// What it made of its inputs since it was made.
     pub(crate) fn work(&self) -> &Work {
         &self.work

@@ -9,12 +9,12 @@ use crate::error::RunError;
 use crate::feed::Feed;
 use crate::journal::{EventPlace, ExternalEvent, Journal};
 use crate::machine::{CheckedEvent, Machine};
-use crate::node::{CycleFaults, Node, Output};
+use crate::node::{CycleFaults, Output};
 use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
 use crate::stack::{Plan, ProcessPlan, names};
-use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Said, Summary, summary_of};
+use crate::summary::AtLogEnd;
 use crate::tally::Tallies;
 use crate::workers::{CycleWork, PendingOutput, Slot, Workers};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
@@ -112,6 +112,8 @@ pub struct Stepped {
     pool: Arc<Pool>,
     workers: Option<Workers>,
     pub(crate) timing_due: Stamp,
+    /// What the processes said when the log ended, once it has.
+    pub(crate) at_log_end: Option<AtLogEnd>,
     /// Whether its first messages were written, by this run or by the one of a restored snapshot.
     pub(crate) has_begun: bool,
 }
@@ -175,6 +177,7 @@ impl Stepped {
             journal: Repeated::default(),
             pool,
             timing_due: start,
+            at_log_end: None,
             has_begun: false,
             machine,
         }
@@ -248,6 +251,7 @@ impl Stepped {
             }
             _ => {
                 let Some(event) = self.queue.pop() else { return Ok(None) };
+                self.note_log_end(event.time);
                 self.now = event.time;
                 self.run_event(event)
             }
@@ -523,35 +527,6 @@ impl Stepped {
             processes: self.machine().nodes.iter().zip(&self.plan().processes).map(timing).collect(),
             lag_s: 0.0,
         }
-    }
-
-    pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
-        let look = |node: &Node, times: &CycleTimes| {
-            let status = node.status();
-            let said = Said {
-                state: status.state(),
-                state_text: status.shown_text().to_owned(),
-                cycles: status.cycle,
-                faults: status.faults(),
-                last_fault: status.last_fault().to_owned(),
-            };
-            (said, node.work().clone(), *times)
-        };
-        let processes = self.machine().nodes.iter().zip(&self.plan().processes);
-        let of = |(slot, process): (&Slot, &ProcessPlan)| {
-            let (said, work, times) = slot.look(look);
-            ProcessSummary::new(process, said, &times, &work)
-        };
-        processes.map(of).collect()
-    }
-
-    /// The summary of the run so far.
-    pub fn summary(&self) -> Summary {
-        let tallies = self.tallies.as_ref().and_then(Tallies::get);
-        let of =
-            |(index, buffer)| BufferSummary::new(buffer, tallies.as_ref().map(|tallies| &tallies[index]));
-        let buffers = self.machine().buffers.iter().enumerate().map(of).collect();
-        summary_of(self.now.seconds_since(self.start), self.process_summaries(), buffers)
     }
 
     /// The run's buffers.

@@ -136,6 +136,22 @@ fn at_one_instant_the_log_comes_in_file_order_before_any_cycle() {
 }
 
 #[test]
+fn the_summary_of_a_run_on_a_log_has_the_states_at_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write_log(&path, &[(0.0, "/a", 1.0), (0.02, "/a", 2.0)]);
+    let log = Log::open(&path).unwrap();
+    let mut run = Stepped::new(plan(ON_LOG).unwrap(), Some(&log), RunOptions::default()).unwrap();
+    run.begin().unwrap();
+    let horizon = run.horizon().unwrap();
+    run.run_until(horizon).unwrap();
+    let status: rcs::Status = newest(&run, "/adder/status");
+    assert_eq!(status.state_text, "nothing new");
+    let adder = run.summary().processes.into_iter().find(|process| process.name == "adder").unwrap();
+    assert_eq!((adder.state_text.as_str(), adder.cycles), ("2 numbers", status.cycle));
+}
+
+#[test]
 fn going_back_and_forward_again_ends_where_going_through_does() {
     let mut through = stepped(PAIR, hashing(1));
     through.begin().unwrap();
