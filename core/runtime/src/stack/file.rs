@@ -40,6 +40,8 @@ pub(crate) struct Content {
     /// Course of a simulation: it provides the parameters that are the text of a course, or of a file that the course
     /// names.
     pub(crate) course: Option<Spanned<String>>,
+    /// Whether a run is handed what the run before has learned; without it, it is.
+    pub(crate) remembers: Option<bool>,
     /// How long the operator keeps the authority over a process without sending a command.
     pub(crate) authority_s: Option<Spanned<f64>>,
     /// Topics of the log that it reads.
@@ -267,6 +269,11 @@ impl StackFile {
     /// The course that it runs by default.
     pub fn course(&self) -> Option<&str> {
         self.content.course.as_ref().map(|course| course.get_ref().as_str())
+    }
+
+    /// Whether a run is handed what the run before has learned.
+    pub fn remembers(&self) -> bool {
+        self.content.remembers.unwrap_or(true)
     }
 
     /// Topics of the log that it reads.

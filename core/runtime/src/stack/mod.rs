@@ -8,6 +8,7 @@
 //! name = "range_camera"
 //! description = "Obstacles from one depth camera."
 //! course = "meadow"               # simulations: the course, which names the world
+//! remembers = true                # `ocu run --runs`: whether a run is handed what the run before has learned
 //! authority_s = 10.0              # how long the operator keeps the authority over a process without a command
 //!
 //! [[input]]                       # a topic of the log, converted to the type of its readers
