@@ -72,12 +72,12 @@ pub fn grown(place: Barred, vehicle: DVec2, before: &[Barred]) -> Barred {
 }
 
 /// Whether the last point of a track is where the track was before, although the wheels have turned since: the index of
-/// that point. Points in the global frame, m.
-pub fn turned_on_the_spot(track: &[DVec2]) -> Option<usize> {
+/// that point, and the way that they have measured since, m. Points in the global frame, m.
+pub fn turned_on_the_spot(track: &[DVec2]) -> Option<(usize, f64)> {
     let (&now, before) = track.split_last()?;
     let at = before.iter().rposition(|point| point.distance(now) <= SAME_PLACE_M)?;
     let rolled_m = crate::route::length_m(&before[at..]);
-    (rolled_m > SAME_PLACE_M && rolled_m <= LONGEST_M).then_some(at)
+    (rolled_m > SAME_PLACE_M && rolled_m <= LONGEST_M).then_some((at, rolled_m))
 }
 
 #[cfg(test)]
@@ -91,8 +91,8 @@ mod tests {
     #[test]
     fn a_fix_that_puts_the_vehicle_back_on_its_track_tells_that_its_wheels_turned() {
         let fixed = |x_m: f64, y_m: f64| [straight(31), vec![DVec2::new(x_m, y_m)]].concat();
-        let at = turned_on_the_spot(&fixed(19.0, 1.0)).unwrap();
-        assert!((19..=21).contains(&at), "{at}");
+        let (at, rolled_m) = turned_on_the_spot(&fixed(19.0, 1.0)).unwrap();
+        assert!((19..=21).contains(&at) && rolled_m == (30 - at) as f64, "{at}, {rolled_m} m");
         assert_eq!(turned_on_the_spot(&fixed(19.0, 8.0)), None, "beside the track");
         assert_eq!(turned_on_the_spot(&fixed(50.0, 0.0)), None, "ahead");
         assert_eq!(turned_on_the_spot(&fixed(29.0, 0.0)), None, "within the noise");

@@ -193,11 +193,11 @@ impl Process for WaypointFollower {
         cx.done("initialized");
     }
 
-    fn halt(&mut self, ports: &Ports, _params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
+    fn halt(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
         self.path_at = None;
         self.goal = None;
         self.no_way = false;
-        self.modes.clear();
+        self.end_mode("halted", ports, params, cx);
         self.watch = Watch::default();
         send(ports, 0.0, 0.0, cx);
         cx.done("halted");
@@ -268,11 +268,11 @@ impl WaypointFollower {
         cx: &mut Cycle<'_>,
     ) -> Option<Mode> {
         if self.memory.table.as_ref().is_none_or(|(text, _)| *text != params.modes) {
-            let table = table_of(&params.modes).unwrap_or_default();
             if self.memory.table.is_some() {
                 // What is remembered of the modes is by their places in the table.
-                self.modes.clear();
+                self.end_mode("another table of modes", ports, params, cx);
             }
+            let table = table_of(&params.modes).unwrap_or_default();
             self.memory.table = Some((params.modes.clone(), table));
         }
         let (_, table) = self.memory.table.as_ref()?;
@@ -292,6 +292,29 @@ impl WaypointFollower {
         }
         let (at, _) = self.modes.active()?;
         table.modes.get(at).cloned()
+    }
+
+    /// Ends the active mode, if there is one, for a reason that is not in the table. Forgets what is
+    /// remembered of the modes.
+    fn end_mode(&mut self, reason: &str, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
+        if let Some((at, _)) = self.modes.active() {
+            let name = |table: &Table| table.modes.get(at).map(|mode| mode.name.clone());
+            let from = match &self.memory.table {
+                Some((_, table)) => name(table),
+                // A state that was restored has no table yet.
+                None => table_of(&params.modes).ok().as_ref().and_then(name),
+            };
+            let now = cx.now();
+            let event = ModeEvent {
+                timestamp: Some(now.to_proto()),
+                from: from.unwrap_or_default(),
+                reason: reason.to_owned(),
+                begun: self.modes.begun(),
+                ..ModeEvent::default()
+            };
+            cx.write(&ports.modes, now, event);
+        }
+        self.modes.clear();
     }
 
     /// The point of the path that the vehicle drives to.

@@ -17,6 +17,7 @@ use crate::barred::Barred;
 use crate::children::Children;
 use crate::goal::Goal;
 use crate::goal_search::GoalSearch;
+use crate::grip::Gripped;
 use crate::mission::Mission;
 use crate::process::PlannerCommand;
 use crate::proto::{
@@ -102,6 +103,8 @@ pub struct WaypointGenerator {
     slips_sent: Option<Stamp>,
     /// Where the wheels slipped over some metres, global frame, m.
     slippery: Vec<(f64, f64)>,
+    /// How far the wheels have gripped, as images tell it.
+    gripped: Gripped,
     /// Heading in the global frame, rad.
     yaw_rad: f64,
     /// Standard deviation of the vehicle's position in the global frame, m; 0 if unknown.

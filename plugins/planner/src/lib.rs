@@ -125,6 +125,7 @@ mod follower_process;
 mod generator_process;
 pub mod goal;
 pub mod goal_search;
+pub mod grip;
 mod ground;
 mod map_reader;
 pub mod mission;

@@ -38,6 +38,9 @@
 //! Readings that are not finite, or of a sensor whose mount is unknown, are faults and are skipped. A bumper hit while
 //! the pose of the vehicle is unknown is a fault, because no cell can be marked.
 //!
+//! Where infrared sensors or motor currents have spoken and are silent for longer than `sensor_timeout_s`,
+//! the status warns of it, and stays `EXEC`.
+//!
 //! # Example
 //!
 //! ```

@@ -5,12 +5,12 @@ use crate::near::{Body, Ray, RayRules, bumper_costs, infrared_costs, slippery_co
 use crate::proto::ProximityParams;
 use crate::traction::{Inertial, Rules, State, Traction};
 use rcs_geom::Pose;
-use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
 use rcs_msg::rcs::{
     Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, SlipReport, TractionState, WaySlip,
     WheelEncoders,
 };
+use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, Extrinsics, FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2, Localizer, PosePorts, SLIPPERY, pose_of,
@@ -135,12 +135,16 @@ impl Process for Proximity {
             self.traction.look(cx.now(), params.inertial_timeout_s, &rules);
             self.report(ports, &rules, cx);
         }
-        cx.exec(match self.traction.state {
+        let felt = match self.traction.state {
             State::Unknown => "senses",
             State::Grips => "senses; the wheels grip",
             State::Spins => "senses; the wheels spin",
             State::Stalled => "senses; a motor is stalled",
-        });
+        };
+        match silent(ports, params.sensor_timeout_s, cx) {
+            Some(silent) => cx.exec(format!("warning: {silent}; {felt}")),
+            None => cx.exec(felt),
+        }
     }
 }
 
@@ -315,6 +319,20 @@ impl Proximity {
         };
         cx.write(&ports.slip, now, report);
     }
+}
+
+/// Sensors that have spoken and are silent now. The inputs know that they spoke, after `INIT`, too.
+fn silent(ports: &Ports, timeout_s: f64, cx: &Cycle<'_>) -> Option<String> {
+    let sensors = [("infrared", silent_s(&ports.infrared, cx)), ("motors", silent_s(&ports.motors, cx))];
+    let silent = sensors.into_iter().filter(|&(_, silent_s)| timeout_s > 0.0 && silent_s > timeout_s);
+    let told = silent.map(|(name, silent_s)| format!("{name} silent for {silent_s:.1} s"));
+    let told = told.collect::<Vec<_>>().join(", ");
+    (!told.is_empty()).then(|| format!("{told}, expected at most {timeout_s} s"))
+}
+
+/// Time since the newest message of an input came, s; 0 before the first one.
+fn silent_s<T: Payload>(port: &In<T>, cx: &Cycle<'_>) -> f64 {
+    cx.latest(port).map_or(0.0, |message| cx.now().seconds_since(message.header().log_time))
 }
 
 /// Says where the wheels slipped over some metres: what was driven over there is not free.

@@ -37,6 +37,8 @@ trait ProximityBench: Sized {
     fn odometry(&mut self);
     fn cycle(&mut self);
     fn infrared(&mut self, reading: rcs::RangeReading);
+    fn say(&mut self, serial: u64, name: &str);
+    fn told(&self) -> String;
 }
 
 impl ProximityBench for Bench {
@@ -76,6 +78,19 @@ impl ProximityBench for Bench {
         self.write("/operator/infrared", rcs::RangeReadings { readings, ..Default::default() });
         self.odometry();
         self.cycle();
+    }
+
+    fn say(&mut self, serial: u64, name: &str) {
+        let name = name.to_owned();
+        self.write("/proximity/command", rcs::Command { serial, name, ..Default::default() });
+        self.cycle();
+    }
+
+    /// The text of the status, which is that of a process that runs.
+    fn told(&self) -> String {
+        let status: rcs::Status = self.latest("/proximity/status");
+        assert_eq!(status.state(), rcs::ProcessState::Exec, "{}", status.state_text);
+        status.state_text
     }
 }
 
@@ -235,4 +250,43 @@ fn a_stalled_motor_whose_sensor_falls_silent_and_wheels_that_do_are_not_known_an
     assert_eq!(sense(false, true), (rcs::TractionState::TractionUnknown, 0.0));
     assert_eq!(sense(true, true), (rcs::TractionState::TractionStalled, 40.0));
     assert_eq!(sense(true, false), (rcs::TractionState::TractionUnknown, 0.0));
+}
+
+#[test]
+fn a_sensor_that_falls_silent_is_told_until_it_is_back_and_one_that_never_spoke_is_not_missed() {
+    let speak = |bench: &mut Bench, sensor: &str| {
+        if sensor == "infrared" {
+            bench.infrared(reading(1.0));
+        } else {
+            bench.write("/operator/motors", rcs::MotorCurrents::default());
+            bench.cycle();
+        }
+    };
+    for sensor in ["infrared", "motors"] {
+        let mut bench = Bench::placed();
+        bench.cycles(50, 40);
+        assert_eq!(bench.told(), "senses", "{sensor}: it never spoke");
+        speak(&mut bench, sensor);
+        bench.cycles(50, 9);
+        assert_eq!(bench.told(), "senses", "{sensor}: silent for less than 0.5 s");
+        bench.cycles(50, 9);
+        let expected = format!("warning: {sensor} silent for 1.0 s, expected at most 0.5 s; senses");
+        assert_eq!(bench.told(), expected);
+        bench.say(2, "INIT");
+        bench.say(3, "RUN");
+        let silent = format!("warning: {sensor} silent for 1.");
+        assert!(bench.told().starts_with(&silent), "after INIT, too: {}", bench.told());
+        speak(&mut bench, sensor);
+        assert_eq!(bench.told(), "senses", "{sensor}: it is back");
+    }
+}
+
+#[test]
+fn sensors_that_are_silent_together_are_both_told() {
+    let mut bench = Bench::placed();
+    bench.write("/operator/motors", rcs::MotorCurrents::default());
+    bench.infrared(reading(1.0));
+    bench.cycles(50, 18);
+    let both = "warning: infrared silent for 1.0 s, motors silent for 1.0 s, expected at most 0.5 s; senses";
+    assert_eq!(bench.told(), both);
 }

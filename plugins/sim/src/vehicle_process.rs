@@ -187,11 +187,10 @@ impl Process for SimVehicle {
             cx.write(&ports.ground_truth_map, time, truth::map_message(&stage.scenery, cells, time));
             cx.write(&ports.ground_truth_objects, time, truth::things_message(&stage.scenery, time));
         }
+        // How it ended follows from the true position: see `/vehicle/run`.
         cx.exec(match run.referee.outcome() {
-            CourseOutcome::CourseReached => "the goal has been reached",
-            CourseOutcome::CourseTimeOut => "the time for the course is over",
-            CourseOutcome::CourseLost => "the vehicle is lost",
             CourseOutcome::CourseRunning => "simulates the vehicle",
+            _ => "the run is over",
         });
     }
 }

@@ -23,7 +23,7 @@
 //! `above_horizon_deg` are never classified. Unusable data are a fault and are skipped, as in the learner; without
 //! models nothing is sent.
 //!
-//! Both cost maps are in the local frame; the world model WM2 with cells of 0.6 m converts them to its own frame.
+//! Both cost maps are in the local frame; each world model resamples them to its own cells.
 
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::classify::{Class, Matcher, WindowGrid, classify_row, end_of_stereo, overlay};

@@ -106,7 +106,7 @@ rcs_runtime::commands! {
     /// Commands of [`MapMemoryKeeper`].
     pub enum MapMemoryCommand {
         Save = "SAVE": "Write the map to save now.",
-        Clear = "CLEAR": "Forget the remembered map until the next start.",
+        Clear = "CLEAR": "Forget the remembered map until the next start, and what this run has seen so far.",
     }
 }
 
@@ -179,7 +179,7 @@ impl Process for MapMemoryKeeper {
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 MapMemoryCommand::Save => self.asked = true,
-                MapMemoryCommand::Clear => self.dropped = Some("the remembered map is cleared".to_owned()),
+                MapMemoryCommand::Clear => self.clear(),
             }
         }
         while let Some(message) = cx.read(&ports.transforms) {
@@ -277,6 +277,12 @@ impl MapMemoryKeeper {
         }
         self.settled = placed.or(self.settled);
         self.placed = placed;
+    }
+
+    /// Forgets the remembered map and what would be saved; the map without it is saved at once.
+    fn clear(&mut self) {
+        self.dropped = Some("the remembered map is cleared".to_owned());
+        (self.kept, self.track, self.leapt, self.saved) = (Kept::default(), Vec::new(), None, None);
     }
 
     fn take_position(&mut self, vehicle: DVec2) {

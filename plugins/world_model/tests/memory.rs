@@ -175,6 +175,21 @@ fn save_saves_at_once_also_while_no_new_map_comes() {
 }
 
 #[test]
+fn what_was_seen_before_clear_is_not_saved() {
+    let mut bench = start("");
+    look(&mut bench, DVec2::ZERO, 4.0, ground_truth, 40);
+    let saved: MapMemory = bench.latest("/memory/memory");
+    assert!(saved.columns > 10);
+    let here = DVec2::new(60.0, 0.0);
+    for process in ["wm", "memory"] {
+        say(&mut bench, process, &MapMemoryCommand::Clear);
+    }
+    look(&mut bench, here, 0.5, |_| 0, 20);
+    let saved: MapMemory = bench.latest("/memory/memory");
+    assert!((1..5).contains(&saved.columns), "{} columns", saved.columns);
+}
+
+#[test]
 fn what_was_near_is_saved_in_global_coordinates() {
     let saved = parse(&first_run()).unwrap().unwrap();
     let origin = Utm::new(18, true, 300_000.0, 4_000_000.0).unwrap();

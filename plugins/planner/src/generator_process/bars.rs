@@ -46,7 +46,7 @@ impl WaypointGenerator {
         }
     }
 
-    /// Notes where the wheels slipped over some metres.
+    /// Notes where the wheels slipped over some metres, and how far they have gripped.
     pub(super) fn take_way_slip(
         &mut self,
         ports: &Ports,
@@ -54,11 +54,12 @@ impl WaypointGenerator {
         cx: &mut Cycle<'_>,
     ) {
         while let Some(report) = cx.read(&ports.way_slip) {
-            if !SLIPPERY.contains(&report.slip) {
-                continue;
-            }
             match pose_of(report.middle.as_ref(), &params.local_frame) {
                 Ok(middle) => {
+                    self.gripped.take(&report, middle.translation.truncate());
+                    if !SLIPPERY.contains(&report.slip) {
+                        continue;
+                    }
                     let Some((global_from_local, _)) = self.global_from_local else { continue };
                     let at = (global_from_local * middle.translation).truncate();
                     let is_new = |last: &(f64, f64)| at.distance(DVec2::from(*last)) >= SLIPPERY_STEP_M;
@@ -82,13 +83,17 @@ impl WaypointGenerator {
         self.is_to_tell = true;
     }
 
-    /// Takes a jump of the goal in the local frame that follows from wheels that turned on the spot for what it is.
+    /// Takes a jump of the goal in the local frame that follows from wheels that turned on the spot for what it is. Where
+    /// images say that the wheels have gripped, the fixes have jumped.
     pub(super) fn see_slide(&mut self, global_from_local: &Pose, params: &WaypointGeneratorParams) {
         if self.jumped_m(global_from_local) <= params.jump_m {
             return;
         }
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
-        let Some(at) = turned_on_the_spot(&track) else { return };
+        let Some((at, rolled_m)) = turned_on_the_spot(&track) else { return };
+        if self.gripped.covers(rolled_m) {
+            return;
+        }
         // What the wheels measured was no way.
         self.track.truncate(at + 1);
         self.track.push((track[track.len() - 1].x, track[track.len() - 1].y));

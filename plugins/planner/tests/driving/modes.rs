@@ -5,7 +5,7 @@ use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::PosesInFrame;
 use rcs_msg::rcs;
 use rcs_msg::rcs::{ArcChoice, PlanState, ProcessState};
-use rcs_planner::proto::ModeEvent;
+use rcs_planner::proto::{ModeEvent, WaypointFollowerParams};
 use rcs_testkit::bench::Bench;
 
 pub(crate) fn mode(bench: &Bench) -> (String, String) {
@@ -78,6 +78,83 @@ fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
     }
     drives.dedup();
     assert!(drives.len() >= 3, "{drives:?}");
+}
+
+#[test]
+fn a_slip_of_a_half_is_shaken_off_once_and_not_again_for_twelve_seconds() {
+    let mut bench = start(&FILES);
+    let slip_at = |bench: &mut Bench, pose: &Pose, count: usize| {
+        for _ in 0..count {
+            bench.write("/operator/slip", rcs::SlipReport { slip: 0.5, ..rcs::SlipReport::default() });
+            cycle_at(bench, pose, free, 1);
+        }
+    };
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    slip_at(&mut bench, &Pose::IDENTITY, 15);
+    assert_eq!(mode(&bench).0, "", "for less than 0.8 s: {}", story(&bench));
+    slip_at(&mut bench, &Pose::IDENTITY, 5);
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.to == "SLIPPING" && event.reason.starts_with("slip is 0.50"), "{event:?}");
+    assert!(event.barred.is_some_and(|barred| barred.slipped && barred.radius_m == 2.0), "{event:?}");
+    assert!(drive(&bench).0 < -0.3, "{}", story(&bench));
+    // It has moved by more than a metre. Then it gets on with the same slip, beside the place that is barred.
+    let beside = |y_m: f64| Pose::from_xy_yaw(-1.1, y_m, std::f64::consts::FRAC_PI_2);
+    slip_at(&mut bench, &beside(0.0), 1);
+    let (name, reason) = mode(&bench);
+    assert!(name.is_empty() && reason.starts_with("moved_m is 1.1"), "{name}: {reason}");
+    for step in 0..235 {
+        slip_at(&mut bench, &beside(0.01 * f64::from(step)), 1);
+    }
+    assert_eq!((mode(&bench).0.as_str(), bench.sent("/follower/modes")), ("", 2), "{}", story(&bench));
+    slip_at(&mut bench, &beside(2.4), 10);
+    let (name, reason) = mode(&bench);
+    assert!(name == "SLIPPING" && bench.sent("/follower/modes") == 3, "{name}: {reason}");
+}
+
+#[test]
+fn a_vehicle_that_is_told_to_drive_and_does_not_move_shakes_itself_free() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 55);
+    assert_eq!(mode(&bench).0, "", "for less than 3 s: {}", story(&bench));
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    cycle(&mut bench, 0.0, 0.0, free, 20);
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.to == "STUCK" && event.reason.starts_with("stuck_s is 3.0"), "{event:?}");
+    assert_eq!(event.barred, None, "{event:?}");
+    assert!(drive(&bench).0 < -0.3, "{}", story(&bench));
+    cycle(&mut bench, -0.7, 0.0, free, 2);
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.from == "STUCK" && event.reason.starts_with("moved_m is 0.7"), "{event:?}");
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
+fn a_mode_that_another_table_or_halt_ends_is_told_to_have_ended() {
+    let mut bench = start(&FILES);
+    let back_up = |bench: &mut Bench| {
+        cycle(bench, 0.0, 0.0, free, 12);
+        bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
+        cycle(bench, 0.0, 0.0, free, 2);
+        assert_eq!(mode(bench).0, "REVERSE_FROM_BUMPER", "{}", story(bench));
+    };
+    let assert_ended = |bench: &Bench, reason: &str, sent: u64| {
+        let event: ModeEvent = bench.latest("/follower/modes");
+        assert_eq!((event.from.as_str(), event.to.as_str()), ("REVERSE_FROM_BUMPER", ""), "{event:?}");
+        assert_eq!((event.reason.as_str(), bench.sent("/follower/modes")), (reason, sent));
+    };
+    back_up(&mut bench);
+    let params: WaypointFollowerParams = bench.latest("/follower/params");
+    let without = WaypointFollowerParams { modes: String::new(), ..params.clone() };
+    bench.write("/follower/params", without);
+    cycle(&mut bench, 0.0, 0.0, free, 2);
+    assert_ended(&bench, "another table of modes", 2);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    bench.write("/follower/params", params);
+    back_up(&mut bench);
+    let halt = rcs::Command { serial: 100, name: "HALT".to_owned(), ..rcs::Command::default() };
+    bench.write("/follower/command", halt);
+    cycle(&mut bench, 0.0, 0.0, free, 4);
+    assert_ended(&bench, "halted", 4);
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Where the wheels slipped is barred in the next run, too.
 
 use super::goal::register;
-use super::{FILES, cycle, drive_ahead, free, global_at, path, place_local_frame, start};
+use super::{FILES, cycle, drive, drive_ahead, free, global_at, path, place_local_frame, start, status};
 use rcs_geom::{DVec2, Pose, Utm};
+use rcs_msg::rcs::ProcessState;
 use rcs_msg::{Stamp, rcs};
 use rcs_planner::proto::{Route, SlipMemory};
 use rcs_planner::slips;
@@ -79,6 +80,25 @@ fn way_slip(bench: &Bench, slip: f64, x_m: f64) -> rcs::WaySlip {
     let now = Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto());
     let middle = Some(pose_message(&Pose::from_xy_yaw(x_m, 0.0, 0.0)));
     rcs::WaySlip { timestamp: now, since: now, slip, middle, ..rcs::WaySlip::default() }
+}
+
+#[test]
+fn fixes_that_jump_back_along_the_track_stop_it_where_images_have_seen_it_move() {
+    let mut bench = start(&FILES);
+    for x in 0..=9 {
+        let x_m = f64::from(x);
+        let report = rcs::WaySlip { rolled_m: 1.0, moved_m: 0.95, ..way_slip(&bench, 0.05, x_m) };
+        bench.write("/operator/way_slip", report);
+        bench.write("/operator/global", global_at(x_m + 2.0));
+        cycle(&mut bench, x_m, 0.0, free, 2);
+    }
+    bench.write("/operator/global", global_at(5.0));
+    place_local_frame(&mut bench, -4.0);
+    cycle(&mut bench, 9.0, 0.0, free, 6);
+    assert_eq!(drive(&bench), (0.0, 0.0));
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Error && text.starts_with("the goal has jumped by 6.0 m"), "{text}");
+    assert_eq!(sent(&bench), None, "nothing slipped");
 }
 
 #[test]

@@ -53,6 +53,36 @@ fn no_mode_drives_on_where_the_generator_stands() {
 }
 
 #[test]
+fn without_fixes_it_stands_as_soon_as_its_position_is_not_known_well_enough() {
+    // As `localization` without fixes: transforms go on, and the deviation of the position grows for 30 s.
+    let mut bench = start(&FILES[..2]);
+    let known_to = |deviation_m: f64| {
+        let mut covariance = vec![0.0; 36];
+        (covariance[0], covariance[7]) = (deviation_m * deviation_m, deviation_m * deviation_m);
+        Odometry { pose_covariance: covariance, ..global_at(2.0) }
+    };
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    for step in 0..60 {
+        let deviation_m = 1.05 + 0.1 * f64::from(step);
+        place_local_frame(&mut bench, 2.0);
+        bench.write("/operator/global", known_to(deviation_m));
+        cycle(&mut bench, 0.0, 0.0, free, 10);
+        let (state, text) = status(&bench, "generator");
+        if deviation_m < 4.0 {
+            assert!(drive(&bench).0 > 0.5 && state == ProcessState::Exec, "{deviation_m}: {}", story(&bench));
+            assert!(!text.contains("the goal stays"), "{text}");
+        } else {
+            assert_eq!(drive(&bench), (0.0, 0.0), "{deviation_m}: {}", story(&bench));
+            let is_told = text.starts_with("the position is known to ") && text.contains("at most 4 m");
+            assert!(state == ProcessState::Error && is_told, "{text}");
+        }
+    }
+    bench.write("/operator/global", known_to(1.0));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(drive(&bench).0 > 0.5, "there is a fix again: {}", story(&bench));
+}
+
+#[test]
 fn what_the_planners_cannot_be_told_stops_it() {
     let mut bench = start(&FILES);
     cycle(&mut bench, 0.0, 0.0, free, 12);
