@@ -6,7 +6,7 @@
 
 mod common;
 
-use common::window::{State, frame, open, wait_until};
+use common::window::{State, frame, open, type_number, wait_until};
 use egui::accesskit::Role;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::kittest::Queryable;
@@ -46,17 +46,6 @@ fn step(harness: &mut Harness<'_, State>, key: Key, by_s: f64) {
 /// The place of the map, a little beside its middle.
 fn on_map(harness: &Harness<'_, State>) -> Pos2 {
     harness.get_by_role_and_label(Role::Image, "Map").rect().center() + Vec2::new(60.0, -70.0)
-}
-
-/// Types the number of a parameter.
-fn type_number(harness: &mut Harness<'_, State>, name: &str, text: &str) {
-    harness.get_by_role_and_label(Role::SpinButton, name).click();
-    harness.run_steps(2);
-    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    harness.event(Event::Text(text.to_owned()));
-    harness.run_steps(2);
-    harness.key_press(Key::Enter);
-    harness.run_steps(2);
 }
 
 /// Compares the window with a picture, once what other threads prepare is there, and without messages that go by

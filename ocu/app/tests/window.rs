@@ -4,13 +4,14 @@
 
 mod common;
 
-use common::window::{PATIENCE, State, harness, sample, wait_for};
+use common::window::{PATIENCE, STACK, State, frame, harness, open, sample, stack, type_number, wait_for};
 use egui::{Key, Modifiers};
 use egui_kittest::{Harness, kittest::Queryable};
 use ocu_app::bundled;
-use ocu_app::layout::Layout;
+use ocu_app::layout::{Layout, Node};
 use ocu_app::open::Request;
 use ocu_app::window::{Options, Window};
+use ocu_views::{RunChoice, SavedState};
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
@@ -103,6 +104,26 @@ fn a_dropped_stack_runs_on_the_open_recording() {
     std::fs::write(&stack, include_str!("../../../assets/stacks/sample.toml")).unwrap();
     drop_file(&mut harness, &stack);
     wait_for(&mut harness, "the stack runs", |harness| harness.query_by_label("REPLAY").is_some());
+}
+
+#[test]
+fn edits_that_were_not_sent_do_not_pass_to_another_source() {
+    let dir = tempfile::tempdir().unwrap();
+    let root = Node::View { kind: "tuning".into(), state: SavedState::Null, run: RunChoice::Shown, id: 0 };
+    let layout = Some(Layout { root, ..Layout::empty() });
+    let mut harness = open(Options { request: stack(dir.path()), layout, ..Options::default() });
+    harness.run_steps(3);
+    type_number(&mut harness, "max_speed_mps", "0.7");
+    assert!(harness.query_by_label_contains("Send 1").is_some());
+    let other = dir.path().join("other.toml");
+    std::fs::write(&other, STACK.replace("\"hand\"", "\"other\"")).unwrap();
+    drop_file(&mut harness, &other);
+    wait_for(&mut harness, "the other stack", |harness| {
+        frame(harness).is_some_and(|frame| frame.info.title.contains("other"))
+    });
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("Send").is_some(), "its parameters are shown");
+    assert!(harness.query_by_label_contains("Send 1").is_none());
 }
 
 #[test]

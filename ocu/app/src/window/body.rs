@@ -201,6 +201,12 @@ impl Window {
     pub(super) fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
         let Some(driver) = self.drive(&request, source) else { return };
         self.follow = Follow::of(&request, &driver.frame(), &self.ctx);
+        if request != self.current
+            && let Some(workspace) = &mut self.workspace
+        {
+            // Unsent edits and drafts belong to the source before.
+            *workspace = Workspace::new(&workspace.layout(self.buffers_open));
+        }
         self.arrange_for(&driver.frame());
         if request.waits() {
             // By then its cameras have seen the course, and it has hardly moved.

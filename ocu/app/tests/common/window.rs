@@ -1,6 +1,9 @@
 //! What the tests of the window share: the complete window without a display, on a recording or on a stack.
 
+use egui::accesskit::Role;
+use egui::{Event, Key, Modifiers};
 use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
 use ocu_app::layout::Layout;
 use ocu_app::open::Request;
 use ocu_app::window::{Options, Window};
@@ -107,4 +110,15 @@ pub(crate) fn wait_for(
         assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
         std::thread::yield_now();
     }
+}
+
+/// Types the number of a parameter.
+pub(crate) fn type_number(harness: &mut Harness<'_, State>, name: &str, text: &str) {
+    harness.get_by_role_and_label(Role::SpinButton, name).click();
+    harness.run_steps(2);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.event(Event::Text(text.to_owned()));
+    harness.run_steps(2);
+    harness.key_press(Key::Enter);
+    harness.run_steps(2);
 }
