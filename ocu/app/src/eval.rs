@@ -28,16 +28,20 @@ pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<Ended>
             return Ok(Ended::after(Some(&log)));
         }
         EvalCommand::Color(args) => print(&colors(args).map_err(told)?, args.json, out)?,
-        EvalCommand::Plan(args) => print(&paths(args).map_err(told)?, args.json, out)?,
+        EvalCommand::Plan(args) => print_json(&paths(args).map_err(told)?, out)?,
         EvalCommand::Stereo(args) => print(&disparities(args).map_err(told)?, args.json, out)?,
     }
     Ok(Ended::Well)
 }
 
 fn print(report: &(impl Display + Serialize), json: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    if !json {
-        return Ok(write!(out, "{report}")?);
+    if json {
+        return print_json(report, out);
     }
+    Ok(write!(out, "{report}")?)
+}
+
+fn print_json(report: &impl Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
     serde_json::to_writer_pretty(&mut *out, report)?;
     Ok(writeln!(out)?)
 }

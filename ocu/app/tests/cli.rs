@@ -83,6 +83,31 @@ fn run_as_json_has_exactly_the_agreed_keys_and_one_hash_for_any_number_of_thread
 }
 
 #[test]
+fn run_of_a_course_as_json_has_exactly_the_agreed_keys_for_each_run() {
+    let (code, out, errors) =
+        ocu(&["run", "--stack", "truth_driver", "--course", "meadow", "--until", "2", "--json"]);
+    assert_eq!(code, 0, "{errors}{out}");
+    let report = json(&out);
+    assert_eq!(report["runs"].as_array().map(Vec::len), Some(1), "{out}");
+    let run = &report["runs"][0];
+    let expected = [
+        "bumper_hits",
+        "collisions",
+        "distance_m",
+        "hash",
+        "outcome",
+        "remaining_m",
+        "seed",
+        "slip_s",
+        "time_s",
+    ];
+    assert_eq!(keys(run), expected);
+    assert_eq!((&run["outcome"], &run["collisions"]), (&"unfinished".into(), &0.into()), "{run}");
+    assert_eq!(run["bumper_hits"], 0);
+    assert!((1.0..=2.1).contains(&run["time_s"].as_f64().unwrap()), "{run}");
+}
+
+#[test]
 fn run_stops_where_it_is_told_and_records_what_it_did() {
     let (dir, path) = recording();
     let out_path = dir.path().join("run.mcap");
@@ -309,6 +334,30 @@ fn eval_stereo_reaches_its_bars_on_motorcycle() {
         assert!(report["bad2_valid_pct"].as_f64().unwrap() <= 3.5, "{method}: {out}");
         assert!(report["density_pct"].as_f64().unwrap() >= least_density_pct, "{method}: {out}");
     }
+}
+
+#[test]
+fn eval_plan_prints_an_object_of_exactly_the_agreed_keys_in_any_case() {
+    let dir = tempfile::tempdir().unwrap();
+    let [map, scen] = ["a.map", "a.map.scen"].map(|name| text(&dir.path().join(name)).to_owned());
+    std::fs::write(&map, "type octile\nheight 3\nwidth 4\nmap\n..@.\n.T..\nG..S\n").unwrap();
+    std::fs::write(&scen, "version 1\n0\ta.map\t4\t3\t0\t0\t3\t0\t6.41421356\n").unwrap();
+    let options: [&[&str]; 2] = [&[], &["--json"]];
+    for more in options {
+        let (code, out, errors) = ocu(&[&["eval", "plan", "--map", &map, "--scen", &scen], more].concat());
+        assert_eq!(code, 0, "{errors}");
+        // The four that are agreed come first.
+        let expected = ["solved", "cost_ratio_max", "ms_median", "ms_max"];
+        let expected = [&expected[..], &["scenarios", "cost_ratio_min", "cost_error_max"]].concat();
+        let printed = out.lines().filter_map(|line| line.trim().strip_prefix('"')?.split('"').next());
+        assert_eq!(printed.collect::<Vec<_>>(), expected, "{out}");
+        let report = json(&out);
+        assert_eq!((&report["solved"], &report["scenarios"]), (&1.into(), &1.into()), "{out}");
+        assert!((report["cost_ratio_max"].as_f64().unwrap() - 1.0).abs() < 1e-6, "{out}");
+        assert!(report["ms_max"].as_f64() >= report["ms_median"].as_f64(), "{out}");
+    }
+    let (code, _, errors) = ocu(&["eval", "plan", "--map", &scen, "--scen", &map]);
+    assert!(code == 2 && errors.contains("a.map.scen, line 1"), "{errors}");
 }
 
 #[test]

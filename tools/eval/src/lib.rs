@@ -11,7 +11,7 @@
 //! [`tune`] learns the weights of a world model from a drive: the implementation of `ocu tune`.
 //!
 //! Each module has a `Job`, which says what is evaluated, and functions that return a report. A report is text by
-//! [`Display`](std::fmt::Display) and JSON by [`Serialize`](serde::Serialize).
+//! [`Display`](std::fmt::Display) and JSON by [`Serialize`](serde::Serialize); that of [`plan`] is JSON alone.
 //!
 //! This crate parses no command line and draws nothing; that is the task of `ocu`. The counts of pixels come from
 //! [`rcs_metrics`]. Begin with the module of the method:

@@ -155,12 +155,13 @@ pub struct EvalClassifyArgs {
 
 /// `ocu eval plan`
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "Example:\n  ocu eval plan --map arena.map --scen arena.map.scen --json\n\n\
-                        Every scenario is searched once, by the search of the process `planner`. A step costs 1, a \
-                        diagonal one the square root of 2 and only where both cells beside it are free. Cells . G S \
-                        are free, @ O T W blocked. cost_ratio_max is the greatest ratio of a length to the optimal \
-                        one of the file; null where nothing was solved. Times are of one search on one thread, with \
-                        the copy of the map, without reading the files.")]
+#[command(after_help = "Example:\n  ocu eval plan --map arena.map --scen arena.map.scen\n\n\
+                        The result is a JSON object, with or without --json. Every scenario is searched once, by \
+                        the search of the process `planner`. A step costs 1, a diagonal one the square root of 2 and \
+                        only where both cells beside it are free. Cells . G S are free, @ O T W blocked. \
+                        cost_ratio_max is the greatest ratio of a length to the optimal one of the file; null where \
+                        nothing was solved. Times are of one search on one thread, with the copy of the map, without \
+                        reading the files.")]
 pub struct EvalPlanArgs {
     /// Map: a .map file of MovingAI
     #[arg(long, value_name = "M")]
@@ -168,7 +169,7 @@ pub struct EvalPlanArgs {
     /// Scenarios of the map: a .scen file of MovingAI
     #[arg(long, value_name = "S")]
     pub scen: PathBuf,
-    /// Print the result as JSON
+    /// Print the result as JSON, which is done without it, too
     #[arg(long)]
     pub json: bool,
 }

@@ -11,7 +11,6 @@ use files::{Scenario, read_map, read_scenarios};
 use rcs_planner::costs::CostGrid;
 use rcs_planner::search::{NoPath, Path as Found, Search};
 use serde::Serialize;
-use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 
@@ -24,23 +23,23 @@ pub struct Job<'a> {
     pub scenarios: &'a Path,
 }
 
-/// The figures.
+/// The figures, in the order in which they are printed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Number of scenarios.
-    pub scenarios: usize,
-    /// Number of those for which a path was found.
+    /// Number of scenarios for which a path was found.
     pub solved: usize,
     /// Greatest ratio of the length found to the optimal one; `None` (null in JSON) if no path was found.
     pub cost_ratio_max: Option<f64>,
-    /// Lowest ratio: below 1 by more than the rounding of the file, a path is not a valid one.
-    pub cost_ratio_min: Option<f64>,
-    /// Greatest difference from the optimal length, cells.
-    pub cost_error_max: Option<f64>,
     /// Median time of a search, ms.
     pub ms_median: f64,
     /// Longest time of a search, ms.
     pub ms_max: f64,
+    /// Number of scenarios.
+    pub scenarios: usize,
+    /// Lowest ratio: below 1 by more than the rounding of the file, a path is not a valid one.
+    pub cost_ratio_min: Option<f64>,
+    /// Greatest difference from the optimal length, cells.
+    pub cost_error_max: Option<f64>,
 }
 
 /// Searches a path for every scenario, once.
@@ -63,13 +62,13 @@ pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
     let solved = || lengths.iter().flatten();
     let ratios = || solved().map(|&(length, optimal)| ratio(length, optimal));
     Ok(Report {
-        scenarios: scenarios.len(),
         solved: solved().count(),
         cost_ratio_max: ratios().reduce(f64::max),
-        cost_ratio_min: ratios().reduce(f64::min),
-        cost_error_max: solved().map(|(length, optimal)| (length - optimal).abs()).reduce(f64::max),
         ms_median: times_ms[times_ms.len() / 2],
         ms_max: times_ms[times_ms.len() - 1],
+        scenarios: scenarios.len(),
+        cost_ratio_min: ratios().reduce(f64::min),
+        cost_error_max: solved().map(|(length, optimal)| (length - optimal).abs()).reduce(f64::max),
     })
 }
 
@@ -84,19 +83,6 @@ fn find(search: &mut Search, map: &CostGrid, scenario: &Scenario, found: &mut Fo
 /// Ratio of the lengths; a path from a cell to itself has none, and counts as 1.
 fn ratio(length: f64, optimal: f64) -> f64 {
     if length == optimal { 1.0 } else { length / optimal }
-}
-
-impl fmt::Display for Report {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(out, "  {:8} of {} scenarios solved", self.solved, self.scenarios)?;
-        if let (Some(max), Some(min), Some(error)) =
-            (self.cost_ratio_max, self.cost_ratio_min, self.cost_error_max)
-        {
-            writeln!(out, "  {max:8.6} greatest ratio of a length to the optimal one, least {min:.6}")?;
-            writeln!(out, "  {error:8.6} greatest difference, cells")?;
-        }
-        writeln!(out, "  {:8.3} ms a search, median; {:.3} ms longest", self.ms_median, self.ms_max)
-    }
 }
 
 #[cfg(test)]
