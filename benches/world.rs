@@ -1,4 +1,5 @@
-//! The world model's map: votes of a cost map of 201×201 cells, fused costs with new weights, and the map as a message.
+//! The world model's map: votes of a cost map of 201×201 cells, fused costs with new weights, the map as a message, and
+//! moving the map by one cell.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use rcs_geom::DVec2;
@@ -84,6 +85,24 @@ fn update(criterion: &mut Criterion) {
             bench.iter(|| map.to_grid("local", Stamp(3), &options).data.len());
         });
     }
+    // A clone that shares all tiles with `known` moves, so each tile that it writes is copied.
+    group.bench_function("move_by_one_cell/snapshot_held", |bench| {
+        let east = DVec2::new(1.5, 0.5) * CELL_SIZE_M;
+        bench.iter_batched_ref(
+            || known.clone(),
+            |map| map.recentre(east).expect("a finite position").len(),
+            BatchSize::LargeInput,
+        );
+    });
+    let mut alone = known;
+    let mut column = 0_i32;
+    group.bench_function("move_by_one_cell/alone", |bench| {
+        bench.iter(|| {
+            column += 1;
+            let place = DVec2::new(f64::from(column) + 0.5, 0.5) * CELL_SIZE_M;
+            alone.recentre(place).expect("a finite position").len()
+        });
+    });
     group.finish();
 }
 
