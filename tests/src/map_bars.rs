@@ -58,6 +58,7 @@ fn check_growth(second: bool) {
         let report = drive(&course, 20.0);
         let fused = report.shares(FUSED, 3.0).unwrap();
         assert!(fused.blocked_called_free_pct.is_none_or(|pct| pct <= 2.0), "{course}: {report}");
+        assert_eq!(report.layers[0].late_things, 0, "{course}: {report}");
         check_against_sources(&course, &report);
     }
 }
