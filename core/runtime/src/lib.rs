@@ -100,6 +100,7 @@ pub mod source;
 mod stack;
 mod status;
 mod stepped;
+mod stepped_summary;
 mod summary;
 mod tally;
 mod work;

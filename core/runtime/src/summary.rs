@@ -1,13 +1,10 @@
 //! Summary of a run: cycles, messages, and a hash of everything that was written.
 
-use crate::node::Node;
 use crate::stack::{ProcessPlan, names};
-use crate::stepped::Stepped;
-use crate::tally::{Tallies, Tally};
+use crate::tally::Tally;
 use crate::work::Work;
-use crate::workers::Slot;
 use rcs_bus::Buffer;
-use rcs_msg::{Stamp, rcs};
+use rcs_msg::rcs;
 use std::sync::Arc;
 
 /// Measured durations of one process's cycles.
@@ -64,55 +61,6 @@ impl CycleTimes {
 
 /// State and text of each process when the log ended.
 pub(crate) type AtLogEnd = Vec<(rcs::ProcessState, String)>;
-
-impl Stepped {
-    /// Keeps what the processes say, if the log ends before this time, which is next.
-    pub(crate) fn note_log_end(&mut self, next: Stamp) {
-        let Some(end) = self.feed.as_ref().map(|feed| feed.range.1) else { return };
-        if self.now <= end && next > end {
-            let said =
-                |node: &Node, _: &CycleTimes| (node.status().state(), node.status().shown_text().to_owned());
-            self.at_log_end = Some(self.machine().nodes.iter().map(|slot| slot.look(said)).collect());
-        }
-    }
-
-    /// The summary of the run so far. After the end of the log, processes report that nothing comes any more; so their
-    /// states are those at its end, but for those of processes that have panicked since.
-    pub fn summary(&self) -> Summary {
-        let tallies = self.tallies.as_ref().and_then(Tallies::get);
-        let of =
-            |(index, buffer)| BufferSummary::new(buffer, tallies.as_ref().map(|tallies| &tallies[index]));
-        let buffers = self.machine().buffers.iter().enumerate().map(of).collect();
-        summary_of(self.now.seconds_since(self.start), self.process_summaries(), buffers)
-    }
-
-    fn process_summaries(&self) -> Vec<ProcessSummary> {
-        let is_over = self.feed.as_ref().is_some_and(|feed| self.now > feed.range.1);
-        let at_log_end = self.at_log_end.as_ref().filter(|_| is_over);
-        let processes = self.machine().nodes.iter().zip(&self.plan().processes).enumerate();
-        let of = |(index, (slot, process)): (usize, (&Slot, &ProcessPlan))| {
-            let look = |node: &Node, times: &CycleTimes| {
-                let status = node.status();
-                let now = || (status.state(), status.shown_text().to_owned());
-                let (state, state_text) = match at_log_end {
-                    Some(said) if !node.has_panicked() => said[index].clone(),
-                    _ => now(),
-                };
-                let said = Said {
-                    state,
-                    state_text,
-                    cycles: status.cycle,
-                    faults: status.faults(),
-                    last_fault: status.last_fault().to_owned(),
-                };
-                (said, node.work().clone(), *times)
-            };
-            let (said, work, times) = slot.look(look);
-            ProcessSummary::new(process, said, &times, &work)
-        };
-        processes.map(of).collect()
-    }
-}
 
 /// A summary with the buffers by name and the hash of all of them.
 pub(crate) fn summary_of(
