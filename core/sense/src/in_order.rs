@@ -21,9 +21,32 @@ impl InOrder {
     }
 }
 
+/// Tells a sensor that repeats its last message from one that measures, by the time that the message itself states.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Repeats {
+    last: Option<Stamp>,
+}
+
+impl Repeats {
+    /// Takes the time in a message. Returns whether it is that of the message before; without one, nothing is known.
+    pub fn take(&mut self, stated: Option<Stamp>) -> bool {
+        let repeats = stated.is_some() && stated == self.last;
+        self.last = stated;
+        repeats
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_message_with_the_time_of_the_one_before_repeats_it() {
+        let mut repeats = Repeats::default();
+        let times = [Some(1), Some(1), Some(2), Some(1), None, None, Some(1)];
+        let told = times.map(|time| repeats.take(time.map(Stamp)));
+        assert_eq!(told, [false, true, false, false, false, false, false]);
+    }
 
     #[test]
     fn what_comes_twice_or_late_is_refused_and_a_time_from_the_future_does_not_make_the_next_late() {

@@ -50,7 +50,7 @@ pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, read_c
 pub use image_check::{
     ImageCheck, ImageFault, check_exposure, check_size, fingerprint, fingerprint_of_texts, luma, size_of,
 };
-pub use in_order::InOrder;
+pub use in_order::{InOrder, Repeats};
 pub use label::ObstacleLabel;
 pub use learned::{last_learned, learned_name, model_to_delete};
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};

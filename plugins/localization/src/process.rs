@@ -16,7 +16,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{self, GroundSpeed, Imu, SlipReport, VisualMotion, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, pose_message, pose_of};
+use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, Repeats, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.
@@ -38,6 +38,8 @@ const TILT_VARIANCE: f64 = 0.0012;
 /// Child frame of the global estimate. The frame `vehicle` itself is a child of the local frame.
 const GLOBAL_BODY: &str = "vehicle_global";
 
+const REPEATED: &str = "it has the time of the reading before";
+
 /// State: attitude, both estimates, and the last readings of the sensors.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Localization {
@@ -50,6 +52,8 @@ pub struct Localization {
     origin: Option<Origin>,
     /// Place of a fix that waits for a second one.
     waiting_origin: Option<Origin>,
+    /// Of inertial sensor and encoders: one that repeats its last message measures nothing.
+    repeats: [Repeats; 2],
     /// Stamp of the last fix.
     fix_stamp: Option<Stamp>,
     speed_mps: f64,
@@ -242,6 +246,9 @@ impl Localization {
                 "turn rates {gyro} rad/s and accelerations {force} m/s², expected at most {FASTEST_RADPS} and {HARDEST_MPS2}"
             ));
         }
+        if self.repeats[0].take(imu.timestamp.as_ref().and_then(Stamp::from_proto)) {
+            return Err(REPEATED.to_owned());
+        }
         let time = imu.acq_time_on_arrival();
         let slips = self.slipping_mps(time).is_some();
         // Estimates that began without inertial sensors begin again, unless the vehicle has moved since.
@@ -328,6 +335,9 @@ impl Localization {
         params: &LocalizationParams,
     ) -> Result<Option<Slipped>, String> {
         let distance_m = [encoders.left_m, encoders.right_m];
+        if self.repeats[1].take(encoders.timestamp.as_ref().and_then(Stamp::from_proto)) {
+            return Err(REPEATED.to_owned());
+        }
         let time = encoders.acq_time_on_arrival();
         let Some(wheels) = &mut self.wheels else {
             if !distance_m.iter().all(|distance| distance.is_finite()) {

@@ -155,12 +155,14 @@ fn a_fix_that_is_repeated_or_comes_too_late_is_a_fault_and_does_not_pull_the_est
 fn a_position_that_stands_still_for_want_of_encoders_is_not_sent() {
     let no_distance = || rcs::WheelEncoders { left_m: f64::NAN, left_mps: 1.0, ..Default::default() };
     let old = Stamp(1_000_000_000);
-    for what in ["silent", "no number", "an old time"] {
+    let stated = || rcs::WheelEncoders { timestamp: Some(Stamp(1).to_proto()), ..rolled(0.0) };
+    for what in ["silent", "no number", "an old time", "repeated"] {
         let mut bench = standing();
         let mut without = |cycles: u64| {
             for _ in 0..cycles {
                 match what {
                     "no number" => bench.write("/operator/encoders", no_distance()),
+                    "repeated" => bench.write("/operator/encoders", stated()),
                     "an old time" => sense(&mut bench, "/operator/encoders", old, rolled(0.0)),
                     _ => {}
                 }

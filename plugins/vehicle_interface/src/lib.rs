@@ -37,7 +37,8 @@
 //!
 //! `HALT` and `INIT` brake the vehicle and are `DONE` when it stands; earlier requests are not resumed after `RUN`.
 //! `LIMIT_SPEED` (`rcs.SpeedLimit`) limits every driver until `RUN`. An emergency stop remains active across `INIT`; a
-//! pressed bumper still holds after it, and a sensor that was silent before is still missed.
+//! pressed bumper still holds after it, and a sensor that was silent before is still missed. A sensor that repeats its last
+//! message, by the time that this states, is silent.
 //!
 //! Not in the papers: a pressed bumper blocks forward motion (backward motion and turning remain possible). Where wheels
 //! slip on one side, what the turn lacks is added to it ([`control::Slip`]), while encoders and inertial sensor both send.

@@ -12,7 +12,7 @@ use rcs_msg::rcs::{
     WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, InputRole, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, pose_of};
+use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, Repeats, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// A vehicle slower than this stands, m/s.
@@ -59,6 +59,8 @@ struct Sensed {
     bumper_right: bool,
     /// When the bumper spoke.
     bumper_at: Option<Stamp>,
+    /// Of encoders, inertial sensor and bumper: one that repeats its last message is silent.
+    repeats: [Repeats; 3],
 }
 
 /// Ports of [`VehicleInterface`].
@@ -292,7 +294,15 @@ impl VehicleInterface {
 
     /// Reads the sensors. Values that are not finite or absurd are faults, and the previous values are kept.
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
-        if let Some(encoders) = cx.read_newest(&ports.encoders) {
+        let [encoders_repeat, imu_repeats, bumper_repeats] = &mut self.sensed.repeats;
+        let stated = |time: Option<&_>| time.and_then(Stamp::from_proto);
+        let encoders = cx.read_newest(&ports.encoders);
+        let encoders = encoders.filter(|message| !encoders_repeat.take(stated(message.timestamp.as_ref())));
+        let imu = cx.read_newest(&ports.imu);
+        let imu = imu.filter(|message| !imu_repeats.take(stated(message.timestamp.as_ref())));
+        let bumper = cx.read_newest(&ports.bumper);
+        let bumper = bumper.filter(|message| !bumper_repeats.take(stated(message.timestamp.as_ref())));
+        if let Some(encoders) = encoders {
             let wheels_mps = [encoders.left_mps, encoders.right_mps];
             if wheels_mps.iter().all(|speed_mps| speed_mps.abs() <= FASTEST_WHEEL_MPS) {
                 self.sensed.wheels_mps = Some((wheels_mps, cx.now()));
@@ -308,7 +318,7 @@ impl VehicleInterface {
         {
             cx.fault(format!("local: {error}; skipped"));
         }
-        if let Some(imu) = cx.read_newest(&ports.imu) {
+        if let Some(imu) = imu {
             self.take_imu(&imu, cx);
         }
         if let Some(motors) = cx.read_newest(&ports.motors) {
@@ -321,7 +331,7 @@ impl VehicleInterface {
                 ));
             }
         }
-        if let Some(bumper) = cx.read_newest(&ports.bumper) {
+        if let Some(bumper) = bumper {
             (self.sensed.bumper_left, self.sensed.bumper_right) = (bumper.left, bumper.right);
             self.sensed.bumper_at = Some(cx.now());
         }

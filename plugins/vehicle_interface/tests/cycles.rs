@@ -426,6 +426,31 @@ fn a_sensor_that_falls_silent_stops_the_driver_but_not_the_operator() {
 }
 
 #[test]
+fn a_sensor_that_repeats_its_last_message_is_silent() {
+    for sensor in ["encoders", "imu", "bumper"] {
+        let mut bench = Bench::start();
+        for cycle in 0..60 {
+            // A sensor that measures states another time in each message.
+            let timestamp = Some(Stamp(20_000_000 * cycle.min(10)).to_proto());
+            match sensor {
+                "encoders" => {
+                    bench.write("/operator/encoders", rcs::WheelEncoders { timestamp, ..Default::default() });
+                }
+                "imu" => {
+                    let angular_velocity = Some(Vector3::default());
+                    let imu = rcs::Imu { timestamp, angular_velocity, ..rcs::Imu::default() };
+                    bench.write("/operator/imu", imu);
+                }
+                _ => bench.write("/operator/bumper", rcs::Bumper { timestamp, ..Default::default() }),
+            }
+            bench.drive_for(1.0, 1);
+        }
+        let held = bench.vehicle();
+        assert!(held.stop_reason.starts_with(&format!("{sensor} silent for ")), "{}", held.stop_reason);
+    }
+}
+
+#[test]
 fn roll_and_pitch_are_the_position_estimates_and_without_it_the_inertial_sensors() {
     let mut bench = Bench::start();
     let tilted = |roll_rad, pitch_rad| Pose::from_rpy(DVec3::ZERO, roll_rad, pitch_rad, 0.0);
