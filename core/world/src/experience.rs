@@ -92,6 +92,23 @@ impl Samples {
         parts
     }
 
+    /// Whether they suffice to judge weights; the error says what is lacking.
+    pub fn suffice(&self) -> Result<(), String> {
+        let [driven, hit, seen] = Outcome::ALL.map(|outcome| self.count(outcome));
+        if driven < LEAST_SAMPLES {
+            return Err(format!(
+                "{driven} judgements of cells that were driven over, expected {LEAST_SAMPLES}"
+            ));
+        }
+        if hit.max(seen) < LEAST_SAMPLES {
+            return Err(format!(
+                "{hit} judgements of cells that were bumped into and {seen} of obstacles seen from near, expected \
+                 {LEAST_SAMPLES} of either: from free ground alone nothing is learned"
+            ));
+        }
+        Ok(())
+    }
+
     /// Forgets the oldest samples beyond a number.
     fn keep_newest(&mut self, count: usize) {
         let surplus = self.len().saturating_sub(count);
@@ -344,16 +361,7 @@ pub struct Fit {
 /// first range sensor stays, because only ratios of weights matter, and so do those of overriding sources, which do not
 /// count. The error says what is missing if there is too little experience.
 pub fn fit(samples: &Samples, weights: &Weights, rules: &FitRules) -> Result<Fit, String> {
-    let [driven, hit, seen] = Outcome::ALL.map(|outcome| samples.count(outcome));
-    if driven < LEAST_SAMPLES {
-        return Err(format!("{driven} judgements of cells that were driven over, expected {LEAST_SAMPLES}"));
-    }
-    if hit.max(seen) < LEAST_SAMPLES {
-        return Err(format!(
-            "{hit} judgements of cells that were bumped into and {seen} of obstacles seen from near, expected \
-             {LEAST_SAMPLES} of either: from free ground alone nothing is learned"
-        ));
-    }
+    samples.suffice()?;
     let is_range = |entry: &Weighted| entry.kind == SourceKind::Range;
     let reference = weights.iter().find(is_range).map(|entry| entry.source);
     let changed = |entry: &Weighted| entry.kind != SourceKind::Override && Some(entry.source) != reference;

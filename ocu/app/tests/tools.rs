@@ -268,8 +268,8 @@ fn a_check_tells_what_is_probably_not_meant() {
 }
 
 /// A drive of 60 s along a free row, beside a row of obstacles that stereo is sure of once they are near. Terrain calls
-/// both rows the wrong way round.
-fn maps_of_a_drive(path: &Path) {
+/// both rows the wrong way round. The obstacles are only there in some seconds.
+fn maps_of_a_drive(path: &Path, has_obstacles: impl Fn(u32) -> bool) {
     use rcs_geom::DVec2;
     use rcs_world::{GridView, Map, MapOptions, Source, VoteRule, Weights, fuse_grid};
     let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
@@ -293,7 +293,7 @@ fn maps_of_a_drive(path: &Path) {
         for ahead_m in (0..30).map(|step| 0.1 + 0.2 * f64::from(step)) {
             let near = if ahead_m < 1.5 { 8 } else { 1 };
             vote(ahead_m, 0.1, Source::STEREO, 0, 1);
-            vote(ahead_m, 2.1, Source::STEREO, 250, near);
+            vote(ahead_m, 2.1, Source::STEREO, 250, if has_obstacles(second) { near } else { 0 });
             vote(ahead_m, 0.1, Source::TERRAIN, 250, 3);
             vote(ahead_m, 2.1, Source::TERRAIN, 0, 3);
         }
@@ -313,7 +313,7 @@ fn maps_of_a_drive(path: &Path) {
 fn weights_are_learned_from_a_drive_and_written_into_a_stack() {
     let dir = tempfile::tempdir().unwrap();
     let (log, stack) = (dir.path().join("drive.mcap"), dir.path().join("tuned.toml"));
-    maps_of_a_drive(&log);
+    maps_of_a_drive(&log, |_| true);
     let tune = ["tune", "--log", text(&log), "--stack", "lagr"];
     let (code, out, errors) = ocu(&[&tune[..], &["-o", text(&stack), "--json"]].concat());
     assert_eq!(code, 0, "{errors}");
@@ -347,4 +347,21 @@ fn weights_are_learned_from_a_drive_and_written_into_a_stack() {
     let (_dir, sample) = recording();
     let (code, _, errors) = ocu(&["tune", "--log", text(&sample), "--stack", "lagr"]);
     assert!(code == 2 && errors.contains("/wm1/map"), "{code} {errors}");
+}
+
+#[test]
+fn weights_that_the_other_half_of_a_drive_cannot_check_are_not_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut told = [0, 1].map(|half| {
+        let log = dir.path().join(format!("{half}.mcap"));
+        maps_of_a_drive(&log, |second| second / 10 % 2 == half);
+        ocu(&["tune", "--log", text(&log), "--stack", "lagr"])
+    });
+    // The other one has the obstacles in the half on which weights are fitted.
+    told.sort_by_key(|(code, ..)| *code);
+    let (code, _, errors) = &told[1];
+    assert!(*code == 2 && errors.contains("too little experience"), "{code} {errors}");
+    let (code, out, errors) = &told[0];
+    assert_eq!(*code, 0, "{errors}");
+    assert!(out.contains("not kept: the half that they were not fitted to has "), "{out}");
 }

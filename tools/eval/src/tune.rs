@@ -73,6 +73,8 @@ pub struct Report {
     pub fitted: Compared,
     /// On the other half.
     pub checked: Compared,
+    /// Why the other half cannot check them, if so.
+    pub unchecked: Option<String>,
     /// Whether they do better on the other half, too.
     pub kept: bool,
 }
@@ -191,7 +193,9 @@ fn report(
     [all, others]: [&Samples; 2],
 ) -> Result<Tuned, EvalError> {
     let checked = Compared { before: others.judge(weights), after: others.judge(&fit.weights) };
-    let kept = !fit.changes.is_empty() && checked.after.loss < checked.before.loss;
+    let unchecked = others.suffice().err();
+    let is_better = unchecked.is_none() && checked.after.loss < checked.before.loss;
+    let kept = !fit.changes.is_empty() && is_better;
     let of = |entry: Weighted| WeightReport {
         source: entry.source.to_string(),
         kind: entry.kind,
@@ -207,6 +211,7 @@ fn report(
         loss: all.judge(weights).loss,
         fitted: Compared { before: fit.before, after: fit.after },
         checked,
+        unchecked,
         kept,
     };
     let changed = weights.iter().filter(|entry| kept && fit.weights.get(entry.source).weight != entry.weight);
@@ -248,11 +253,14 @@ impl fmt::Display for Report {
             let name = format!("{half}: squared error");
             writeln!(f, "{name:<28} {:>16.4} {:>16.4}", compared.before.loss, compared.after.loss)?;
         }
-        let verdict = match (self.kept, self.weights.iter().any(|weight| weight.before != weight.after)) {
-            (true, _) => "kept: they do better on the half that they were not fitted to",
-            (false, true) => "not kept: on the half that they were not fitted to they do no better",
-            (false, false) => "no weight was changed: none judges better",
-        };
-        writeln!(f, "\n{verdict}")
+        let is_changed = self.weights.iter().any(|weight| weight.before != weight.after);
+        match (&self.unchecked, self.kept) {
+            _ if !is_changed => writeln!(f, "\nno weight was changed: none judges better"),
+            (Some(why), _) => writeln!(f, "\nnot kept: the half that they were not fitted to has {why}"),
+            (None, true) => writeln!(f, "\nkept: they do better on the half that they were not fitted to"),
+            (None, false) => {
+                writeln!(f, "\nnot kept: on the half that they were not fitted to they do no better")
+            }
+        }
     }
 }
