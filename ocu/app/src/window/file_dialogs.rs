@@ -107,8 +107,9 @@ impl FileDialogs {
 fn in_use(current: &Request, frame: Option<&Frame>, with_stack: bool) -> Files {
     let mut files = Files::new(true);
     if let Some(log) = &current.log {
-        files.reads("the log", log);
+        files.reads_log("the log", log);
     }
+    current.parts.iter().for_each(|part| files.reads("the log", part));
     if let Some(recording) = frame.and_then(recording::running) {
         files.reads("the recording that is being written", &recording.path);
     }
@@ -131,12 +132,18 @@ mod tests {
     #[test]
     fn enter_replaces_no_file_and_the_open_log_and_stack_are_never_written() {
         let dir = tempfile::tempdir().unwrap();
-        let [log, stack, other] = ["a.mcap", "b.toml", "c.json"].map(|name| dir.path().join(name));
-        for path in [&log, &stack, &other] {
+        let [log, stack, other, part] =
+            ["a.mcap", "b.toml", "c.json", "e.mcap"].map(|name| dir.path().join(name));
+        for path in [&log, &stack, &other, &part] {
             std::fs::write(path, "old").unwrap();
         }
         let path_of = |path: &Path| path.display().to_string();
-        let request = Request { log: Some(log.clone()), stack: Some(path_of(&stack)), ..Request::default() };
+        let request = Request {
+            log: Some(log.clone()),
+            parts: vec![part],
+            stack: Some(path_of(&stack)),
+            ..Request::default()
+        };
         let written = |name: &str, by_button: bool| {
             let state = (FileDialogs::default(), request.clone(), Notices::default());
             let mut harness = Harness::new_ui_state(
@@ -165,7 +172,9 @@ mod tests {
         assert_eq!(text(&other), "new");
         assert_eq!(written("d.json", false), None);
         assert_eq!(text(&dir.path().join("d.json")), "new", "Enter writes a new file");
-        for (path, what) in [("a.mcap", "the log"), ("b.toml", "the stack"), ("./a.mcap", "the log")] {
+        let in_use =
+            [("a.mcap", "the log"), ("e.mcap", "the log"), ("b.toml", "the stack"), ("./a.mcap", "the log")];
+        for (path, what) in in_use {
             let error = written(path, true).expect("it is refused");
             assert!(error.contains(what), "{error}");
         }
