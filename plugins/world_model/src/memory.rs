@@ -84,6 +84,12 @@ pub fn parse(text: &str) -> Result<Option<MapMemory>, MemoryError> {
         return Ok(None);
     }
     let map: MapMemory = rcs_msg::from_json(text).map_err(|error| MemoryError::Text(error.to_string()))?;
+    check(&map)?;
+    Ok(Some(map))
+}
+
+/// Refuses a map that is of another version, or that has numbers which no map has.
+pub(crate) fn check(map: &MapMemory) -> Result<(), MemoryError> {
     if map.format != FORMAT {
         return Err(MemoryError::Format(map.format));
     }
@@ -102,7 +108,7 @@ pub fn parse(text: &str) -> Result<Option<MapMemory>, MemoryError> {
     if !is_in_zone {
         return Err(MemoryError::Place { easting_m, northing_m });
     }
-    Ok(Some(map))
+    Ok(())
 }
 
 /// Costs of the cells of a rectangle of a frame.
@@ -212,6 +218,25 @@ impl Rectangle {
         }
         let index = cell.y as usize * self.columns + cell.x as usize;
         self.costs.get(index).copied().unwrap_or(UNKNOWN_COST)
+    }
+
+    /// The highest cost in a square around a position, m: a thin obstacle may lie beside the middle of a cell that is
+    /// larger than those of this map. A square that is no larger than a cell has the cost at the position. Unknown
+    /// where nothing in it is known.
+    pub fn most(&self, place: DVec2, size_m: f64) -> u8 {
+        if size_m <= self.cell_size_m * (1.0 + 1e-9) {
+            return self.at(place);
+        }
+        // A cell that the square touches at its border does not belong to it.
+        let inside = 1e-6;
+        let rows = self.costs.len() / self.columns.max(1);
+        let side = |half_m: f64| (place + half_m - self.corner) / self.cell_size_m;
+        let low = (side(-0.5 * size_m) + inside).floor().max(DVec2::ZERO);
+        let high = (side(0.5 * size_m) - inside).ceil().min(DVec2::new(self.columns as f64, rows as f64));
+        let (west, east) = (low.x as usize, high.x as usize);
+        let row = |row: usize| self.costs.get(row * self.columns + west..row * self.columns + east);
+        let costs = (low.y as usize..high.y as usize).filter_map(row).flatten();
+        costs.copied().filter(|&cost| cost <= MAX_COST).max().unwrap_or(UNKNOWN_COST)
     }
 
     /// The four corners, m.

@@ -65,6 +65,8 @@ pub struct MapMemoryKeeper {
     asked: bool,
     /// Why the map could not be saved, if so.
     unsaved: Option<String>,
+    /// When it was told to forget what this run has seen: maps that came before are not saved.
+    cleared: Option<Stamp>,
     kept: Kept,
     text: String,
     /// Fingerprint of the remembered map of the parameters, to which all of this belongs.
@@ -174,12 +176,17 @@ impl Process for MapMemoryKeeper {
         Self::default()
     }
 
+    /// What was stated to the world model is taken back or replaced.
+    fn renew(&self, params: &MapMemoryParams) -> Self {
+        Self { sent: self.sent, ..Self::new(params) }
+    }
+
     fn cycle(&mut self, ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) {
         self.take_params(params);
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 MapMemoryCommand::Save => self.asked = true,
-                MapMemoryCommand::Clear => self.clear(),
+                MapMemoryCommand::Clear => self.clear(cx.now()),
             }
         }
         while let Some(message) = cx.read(&ports.transforms) {
@@ -198,9 +205,11 @@ impl Process for MapMemoryKeeper {
         let Ok(origin) = Origin::from_toml(&params.world) else {
             return cx.error("world: expected a file with the [origin] of the global frame");
         };
+        let cleared = self.cleared;
+        let is_kept = |map: &Msg<Grid>| cleared.is_none_or(|cleared| map.header().log_time > cleared);
         // Asked to save, it takes the last map, also of a world model that is halted.
-        let last = if self.asked { cx.latest(&ports.map) } else { None };
-        let newest = cx.read_newest(&ports.map);
+        let last = if self.asked { cx.latest(&ports.map).filter(is_kept) } else { None };
+        let newest = cx.read_newest(&ports.map).filter(is_kept);
         // What was registered with a map is not counted again with the same one.
         let is_new = newest.is_some();
         let Some(map) = newest.or(last) else {
@@ -279,8 +288,9 @@ impl MapMemoryKeeper {
         self.placed = placed;
     }
 
-    /// Forgets the remembered map and what would be saved; the map without it is saved at once.
-    fn clear(&mut self) {
+    /// Forgets the remembered map and what would be saved; the next map is saved at once, without it.
+    fn clear(&mut self, now: Stamp) {
+        self.cleared = Some(now);
         self.dropped = Some("the remembered map is cleared".to_owned());
         (self.kept, self.track, self.leapt, self.saved) = (Kept::default(), Vec::new(), None, None);
     }

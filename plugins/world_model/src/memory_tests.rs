@@ -33,6 +33,24 @@ fn the_file_of_a_map_is_the_map() {
 }
 
 #[test]
+fn the_highest_cost_in_a_square_is_that_of_a_thin_obstacle_in_it() {
+    let mut map = Rectangle::around(&[DVec2::ZERO], 2.0, 0.1).unwrap();
+    for index in 0..map.costs.len() {
+        let centre = map.centre(index);
+        map.costs[index] = match () {
+            () if centre.x < 0.0 => UNKNOWN_COST,
+            () if (0.1..0.2).contains(&centre.y) => 250,
+            () => 40,
+        };
+    }
+    let most = |x: f64, y: f64, size_m: f64| map.most(DVec2::new(x, y), size_m);
+    assert_eq!((most(0.75, 0.25, 0.4), most(0.75, 0.25, 0.1)), (250, 40));
+    assert_eq!((most(0.8, 0.4, 0.4), most(0.8, 0.3, 0.4)), (40, 250), "the first ends beside the wall");
+    assert_eq!((most(-0.05, 0.65, 0.4), most(-0.6, 0.65, 0.4)), (40, 255), "known in part, and unknown");
+    assert_eq!((most(9.0, 0.15, 0.4), most(0.75, -9.0, 0.4), most(0.0, 0.0, 1e6)), (255, 255, 250));
+}
+
+#[test]
 fn a_file_that_is_no_map_or_of_another_version_or_place_is_refused() {
     let good = map(DVec2::ZERO).to_memory(&origin());
     let error = |change: fn(&mut MapMemory)| {

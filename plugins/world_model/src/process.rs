@@ -19,6 +19,8 @@ use std::collections::BTreeSet;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct WorldModel {
     map: Map,
+    /// The frame in which the map lies.
+    local_frame: String,
     localizer: Localizer,
     /// Sources that have voted since the start or the last `CLEAR`.
     seen: Sources,
@@ -127,6 +129,7 @@ impl Process for WorldModel {
     fn new(params: &WorldModelParams) -> Self {
         Self {
             map: empty(params),
+            local_frame: extrinsics(params).frames.local.to_owned(),
             localizer: Localizer::default(),
             seen: Sources::default(),
             contributions: Vec::new(),
@@ -136,6 +139,11 @@ impl Process for WorldModel {
             changed: Stamp(0),
             scrolled: 0,
         }
+    }
+
+    /// What was learned stays: the process that learned it sends it again only when it changes.
+    fn renew(&self, params: &WorldModelParams) -> Self {
+        Self { learned: self.learned.clone(), ..Self::new(params) }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WorldModelParams, cx: &mut Cycle<'_>) {
@@ -149,8 +157,10 @@ impl Process for WorldModel {
             }
         }
         let shape = (self.map.side(), self.map.grid().cell_size_m());
-        if shape != (params.cells_per_side as usize, params.cell_size_m) {
+        let local = extrinsics(params).frames.local;
+        if shape != (params.cells_per_side as usize, params.cell_size_m) || self.local_frame != local {
             self.map = empty(params);
+            local.clone_into(&mut self.local_frame);
             self.seen = Sources::default();
         }
         let vehicle = self.scroll(params, cx.now());
@@ -288,8 +298,10 @@ impl WorldModel {
         }
         self.faded = Some(now);
         for contribution in &mut self.contributions {
-            contribution.fading += listed.fade_per_s(contribution.source) * elapsed_s;
-            let amount = contribution.fading.clamp(0.0, 255.0) as u8;
+            // More than all of it, as after a pause, would fade again what is seen next.
+            let fading = contribution.fading + listed.fade_per_s(contribution.source) * elapsed_s;
+            contribution.fading = fading.clamp(0.0, 255.0);
+            let amount = contribution.fading as u8;
             contribution.fading -= f64::from(amount);
             self.map.fade(contribution.source, amount);
         }
@@ -308,7 +320,8 @@ impl WorldModel {
         vehicle: Option<Pose>,
         cx: &mut Cycle<'_>,
     ) {
-        if self.seen.is_empty() && vehicle.is_none() {
+        // A map that was sent before, and is emptied now, is sent empty.
+        if self.seen.is_empty() && vehicle.is_none() && self.published.is_none() {
             return;
         }
         let now = cx.now();

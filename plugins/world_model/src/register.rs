@@ -267,7 +267,9 @@ impl Placed {
             let seen = seen_in_local.placed(|place| at(&global_from_local, place));
             let fit = remembered.register(&seen, from, FOLLOW_M, FOLLOW_WORTH, least)?;
             let placed = Placed { global_from_local, fit };
-            let is_allowed = turn_rad == 0.0 || placed.turned_rad(estimated).abs() <= MOST_TURN_RAD;
+            // One that lies farther from the estimate is turned back.
+            let most_rad = MOST_TURN_RAD.max(self.turned_rad(estimated).abs());
+            let is_allowed = turn_rad == 0.0 || placed.turned_rad(estimated).abs() <= most_rad;
             is_allowed.then_some((turn_rad, placed))
         });
         let best = places.reduce(|best, other| if worth(&other) > worth(&best) { other } else { best });

@@ -30,10 +30,10 @@ pub struct Resampled {
 
 /// Reads the costs of a source from a cost map in the frame of `grid`.
 ///
-/// A cell of the message belongs to the cell of the map in which its middle lies. Where its cells are larger than the
-/// map's, it belongs to all cells of the map whose middles lie in it. Several cells of the message in one cell of the
-/// map are one: the one with the highest cost counts, because what blocks a part of a cell blocks the cell; their
-/// heights are merged.
+/// A cell of the message belongs to the cell of the map in which its middle lies. Where a side of it is longer than
+/// the map's cells, it belongs to all cells of the map whose middles lie in it, if there are any. Several cells of the
+/// message in one cell of the map are one: the one with the highest cost counts, because what blocks a part of a cell
+/// blocks the cell; their heights are merged.
 pub fn resampled<T: Clone>(
     message: &Grid,
     source: Source,
@@ -49,7 +49,7 @@ pub fn resampled<T: Clone>(
     let (worth, confidence) = (byte("worth")?, byte("conf")?);
     let (backing, model) = (byte("backing")?, byte("model")?);
     let heights = ["ground", "obstacle"].map(|class| Heights::find(&view, class));
-    let is_large = view.cell_size_m().min_element() > grid.cell_size_m() * (1.0 + 1e-9);
+    let is_large = view.cell_size_m().max_element() > grid.cell_size_m() * (1.0 + 1e-9);
     let mut gathered = Gathered::new(grid);
     let mut outside = 0;
     let mut costs_by_row = Vec::new();
@@ -105,9 +105,9 @@ fn for_each_target<T: Clone>(
         let at = DVec2::new(column as f64 + u, row as f64 + v) * size;
         (view.frame_from_grid() * DVec3::new(at.x, at.y, 0.0)).truncate()
     };
-    let inside = |index: &CellIndex| grid.contains(*index);
+    let middle = grid.cell_at(place(0.5, 0.5)).filter(|index| grid.contains(*index));
     if !is_large {
-        grid.cell_at(place(0.5, 0.5)).filter(inside).into_iter().for_each(take);
+        middle.into_iter().for_each(take);
         return;
     }
     let corners = [place(0.0, 0.0), place(1.0, 0.0), place(0.0, 1.0), place(1.0, 1.0)];
@@ -125,7 +125,15 @@ fn for_each_target<T: Clone>(
         middle.floor() == DVec2::new(column as f64, row as f64)
     };
     let cells = (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| CellIndex::new(x, y)));
-    cells.filter(is_mine).for_each(&mut take);
+    let mut is_taken = false;
+    for cell in cells.filter(is_mine) {
+        is_taken = true;
+        take(cell);
+    }
+    // One that is turned or narrow may lie between the middles.
+    if let Some(middle) = middle.filter(|_| !is_taken) {
+        take(middle);
+    }
 }
 
 /// What was gathered so far, one entry per cell of the map.
@@ -260,6 +268,19 @@ mod tests {
             let expected: Vec<_> = (0..=100).flat_map(|y| (0..=100).map(move |x| ([x, y], 90))).collect();
             assert_eq!(cells, expected, "{cell_size_m} m");
         }
+    }
+
+    #[test]
+    fn a_narrow_cell_is_a_vote_for_each_small_cell_in_it_and_at_least_for_that_at_its_middle() {
+        use rcs_msg::foxglove::{Pose, Quaternion, Vector3};
+        let mut narrow = message(0.4, &[([0.2, 0.2], 90), ([0.6, 0.2], 240)]);
+        // These cells begin at x = 0.04 m and 0.14 m, and y = 0.05 m.
+        narrow.cell_size.as_mut().unwrap().x = 0.1;
+        narrow.pose = Some(Pose {
+            position: Some(Vector3 { x: -9.96, y: -39.95, z: 0.0 }),
+            orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+        });
+        assert_eq!(received(0.2, &narrow), [([0, 0], 90), ([0, 1], 240)]);
     }
 
     #[test]

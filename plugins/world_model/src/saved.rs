@@ -28,7 +28,7 @@ impl Kept {
         let mut grown = Rectangle::around(track, within_m, sensed.cell_size_m)?;
         if let Some(kept) = &self.map {
             for index in 0..grown.costs.len() {
-                grown.costs[index] = kept.at(grown.centre(index));
+                grown.costs[index] = kept.most(grown.centre(index), grown.cell_size_m);
             }
         }
         for &at in track.iter().filter(|&&at| sensed.holds(at)) {
@@ -61,7 +61,9 @@ impl Kept {
         for index in 0..saved.costs.len() {
             let local = moved(&local_from_global, saved.centre(index));
             let sensed = kept.at(local);
-            let old = || remembered.map_or(UNKNOWN_COST, |(map, frame)| map.at(moved(&frame, local)));
+            let size_m = saved.cell_size_m;
+            let old =
+                || remembered.map_or(UNKNOWN_COST, |(map, frame)| map.most(moved(&frame, local), size_m));
             saved.costs[index] = if sensed == UNKNOWN_COST { old() } else { sensed };
         }
         saved.trim();
@@ -103,6 +105,27 @@ mod tests {
             // Nothing was sensed there.
             let expected_m = if moved.is_some() { 0.8 } else { 0.0 };
             assert!((thickness_m(&saved, 9.0) - expected_m).abs() < 0.15, "{moved:?}");
+        }
+    }
+
+    #[test]
+    fn a_thin_wall_that_is_kept_or_remembered_stays_where_the_cells_become_larger() {
+        let mut thin = Rectangle::around(&[DVec2::ZERO], 4.0, 0.1).unwrap();
+        for index in 0..thin.costs.len() {
+            let is_wall = (0.1..0.2).contains(&thin.centre(index).y);
+            thin.costs[index] = if is_wall { 250 } else { 0 };
+        }
+        let unknown = Rectangle::around(&[DVec2::ZERO], 4.0, 0.4).unwrap();
+        let (mut kept, mut nothing) = (Kept::default(), Kept::default());
+        kept.take(&thin, &[DVec2::ZERO], 3.0).unwrap();
+        for kept in [&mut kept, &mut nothing] {
+            kept.take(&unknown, &[DVec2::ZERO], 3.0).unwrap();
+        }
+        for (kept, old) in [(kept, None), (nothing, Some((&thin, Pose::IDENTITY)))] {
+            let saved = kept.saved(old, &Pose::IDENTITY).unwrap().unwrap();
+            assert_eq!(saved.cell_size_m, 0.4);
+            let at = |x: i32, y_m: f64| saved.at(DVec2::new(0.1 * f64::from(x) + 0.05, y_m));
+            assert!((-20..20).all(|x| at(x, 0.15) == 250 && at(x, 0.6) == 0 && at(x, -0.2) == 0));
         }
     }
 

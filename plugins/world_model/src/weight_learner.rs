@@ -132,9 +132,11 @@ impl Process for WeightLearner {
         if now.seconds_since(fitted) >= params.fit_every_s {
             self.fitted = Some(now);
             self.text = match refit(learned, params) {
-                Ok(Some((reason, judged))) => {
+                Ok(Some(Better { reason, judged, is_new })) => {
                     let reason = if self.adjusts { reason } else { format!("better would be {reason}") };
-                    send(ports, learned, self.adjusts, reason.clone(), judged, cx);
+                    if is_new {
+                        send(ports, learned, self.adjusts, reason.clone(), judged, cx);
+                    }
                     reason
                 }
                 Ok(None) => {
@@ -150,24 +152,27 @@ impl Process for WeightLearner {
     }
 }
 
-/// Better weights, if there are some: why, and how those before and the new ones judge the half of the experience to
-/// which they were not fitted.
-fn refit(
-    learned: &mut Learned,
-    params: &WeightLearnerParams,
-) -> Result<Option<(String, [Judged; 2])>, String> {
+/// Weights that are better than those in use.
+struct Better {
+    /// Why.
+    reason: String,
+    /// How those in use and the better ones judge the half of the experience to which they were not fitted.
+    judged: [Judged; 2],
+    /// Whether the fit before did not call them better.
+    is_new: bool,
+}
+
+/// Weights that are better than those in use, if there are some.
+fn refit(learned: &mut Learned, params: &WeightLearnerParams) -> Result<Option<Better>, String> {
     let [ours, others] = learned.experience.samples().split(STRETCH_S);
     let rules = FitRules { greatest_factor: params.greatest_factor as f32, ..FitRules::default() };
     // From the weights of the parameters each time, so that the factor bounds the whole change.
     let Fit { weights, .. } = fit(&ours, &learned.given, &rules)?;
-    if !params.adjusts && weights == learned.given {
-        // What an earlier fit called better is so no longer, and would count once the process adjusts.
-        learned.now = weights;
-        return Ok(None);
-    }
     let used = learned.used(params.adjusts).clone();
     let judged = [&used, &weights].map(|weights| others.judge(weights));
-    if weights == learned.now || judged[1].loss >= judged[0].loss * (1.0 - rules.least_gain) {
+    if weights == used || judged[1].loss >= judged[0].loss * (1.0 - rules.least_gain) {
+        // What an earlier fit called better and is not used would count once the process adjusts.
+        learned.now = used;
         return Ok(None);
     }
     let changes = weights.iter().filter_map(|entry| {
@@ -185,8 +190,9 @@ fn refit(
         judged[1].loss,
         judged[0].loss,
     );
+    let is_new = weights != learned.now;
     learned.now = weights;
-    Ok(Some((reason, judged)))
+    Ok(Some(Better { reason, judged, is_new }))
 }
 
 fn send(

@@ -4,7 +4,7 @@
 
 use glam::DVec2;
 use rcs_msg::foxglove::Grid;
-use rcs_msg::{AnyMessage, Payload, Stamp};
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::{GridView, HeightStats, Map, MapOptions, NumericType, Source, VoteRule, Weights};
@@ -61,6 +61,11 @@ fn cost_map(costs: &[(&str, u8)]) -> Grid {
 fn write_ahead<T: Payload>(bench: &mut Bench, buffer: &str, ahead_ms: u64, message: T) {
     let time = Stamp((bench.now_ms + ahead_ms) * 1_000_000);
     bench.session.write(ExternalEvent::sensed(buffer, time, AnyMessage::new(message))).unwrap();
+}
+
+/// Sends a command to the world model.
+fn order(bench: &mut Bench, serial: u64, name: &str) {
+    bench.write("/wm1/command", rcs::Command { serial, name: name.to_owned(), ..Default::default() });
 }
 
 /// The number of a field of the map at [`AT`]; `None` if the map has no such field.
@@ -163,6 +168,54 @@ fn a_source_that_the_parameters_list_no_longer_is_forgotten() {
 }
 
 #[test]
+fn a_long_pause_empties_the_map_once_and_what_is_seen_later_stays() {
+    let stack = STACK.replace("{ name = \"stereo\" }", "{ name = \"stereo\", fade_per_s = 5.0 }");
+    let params = [("wm1.pose.source", "POSE_FIXED"), ("wm1.fade_period_s", "0.1")];
+    let mut bench = Setup::new(&stack, &[ProcessType::of::<WorldModel>()]).params(&params).bench();
+    bench.write("/operator/stereo", cost_map(&[("stereo", 250)]));
+    bench.cycles(50, 4);
+    assert_eq!(number(&bench, "cost"), Some(250.0));
+    order(&mut bench, 10, "HALT");
+    bench.cycles(50, 4000);
+    order(&mut bench, 11, "RUN");
+    bench.cycles(50, 1);
+    bench.write("/operator/stereo", cost_map(&[("stereo", 250)]));
+    bench.cycles(50, 8);
+    let confidence = number(&bench, "conf.stereo").unwrap();
+    assert!((15.0..=20.0).contains(&confidence), "of one vote: {confidence}");
+}
+
+#[test]
+fn a_map_that_is_emptied_is_sent_also_without_a_pose() {
+    let see = |bench: &mut Bench| {
+        bench.write("/operator/stereo", cost_map(&[("stereo", 250)]));
+        bench.cycles(50, 4);
+        assert_eq!(number(bench, "cost"), Some(250.0));
+    };
+    let mut bench = Setup::new(STACK, &[ProcessType::of::<WorldModel>()]).bench();
+    bench.cycles(50, 4);
+    assert_eq!(bench.sent("/wm1/map"), 0, "there is nothing to send yet");
+    see(&mut bench);
+    order(&mut bench, 10, "CLEAR");
+    bench.cycles(50, 4);
+    assert_eq!(number(&bench, "cost"), Some(255.0));
+    // What lay in one frame does not lie in another one.
+    let changes: [fn(&mut WorldModelParams); 2] = [
+        |params| params.cells_per_side = 101,
+        |params| params.pose.get_or_insert_default().local_frame = "map".to_owned(),
+    ];
+    for change in changes {
+        see(&mut bench);
+        let mut params: WorldModelParams = bench.latest("/wm1/params");
+        change(&mut params);
+        bench.write("/wm1/params", params);
+        bench.cycles(50, 4);
+        assert_eq!(number(&bench, "cost"), Some(255.0));
+    }
+    assert_eq!(bench.latest::<Grid>("/wm1/map").frame_id, "map");
+}
+
+#[test]
 fn learned_weights_count_until_the_parameters_change_and_wrong_ones_are_refused() {
     let mut bench = standing(&[]);
     bench.write("/operator/costs", cost_map(&[("stereo", 0), ("radar", 250)]));
@@ -182,6 +235,11 @@ fn learned_weights_count_until_the_parameters_change_and_wrong_ones_are_refused(
     assert_eq!(bench.faults("wm1"), (1, why.to_owned()));
     assert_eq!(cost(&mut bench, Some([0.25, 0.4])), 83.0, "learned from other parameters");
     assert_eq!(cost(&mut bench, Some([0.25, 0.5])), 50.0);
+    order(&mut bench, 10, "INIT");
+    bench.cycles(50, 4);
+    order(&mut bench, 11, "RUN");
+    bench.write("/operator/costs", cost_map(&[("stereo", 0), ("radar", 250)]));
+    assert_eq!(cost(&mut bench, None), 50.0, "INIT empties the map, and the weights go on");
     let mut params: WorldModelParams = bench.latest("/wm1/params");
     params.sources[1].weight = 1.0;
     bench.write("/wm1/params", params);

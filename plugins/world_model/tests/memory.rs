@@ -160,6 +160,12 @@ fn say(bench: &mut Bench, process: &str, command: &impl CommandSet) {
     bench.write(&format!("/{process}/command"), command);
 }
 
+/// A command of the runtime.
+fn order(bench: &mut Bench, process: &str, name: &str) {
+    let command = rcs::Command { serial: 100 + bench.now_ms, name: name.to_owned(), ..Default::default() };
+    bench.write(&format!("/{process}/command"), command);
+}
+
 #[test]
 fn save_saves_at_once_also_while_no_new_map_comes() {
     let mut bench = start("");
@@ -187,6 +193,17 @@ fn what_was_seen_before_clear_is_not_saved() {
     look(&mut bench, here, 0.5, |_| 0, 20);
     let saved: MapMemory = bench.latest("/memory/memory");
     assert!((1..5).contains(&saved.columns), "{} columns", saved.columns);
+    // A vehicle that stands, and a map from before that may be unread then.
+    for count in 40..45 {
+        let mut bench = start("");
+        look(&mut bench, DVec2::ZERO, 4.0, ground_truth, count);
+        for process in ["wm", "memory"] {
+            say(&mut bench, process, &MapMemoryCommand::Clear);
+        }
+        look(&mut bench, DVec2::ZERO, 0.5, |_| 0, 20);
+        let saved: MapMemory = bench.latest("/memory/memory");
+        assert!((1..5).contains(&saved.columns), "{} columns after {count}", saved.columns);
+    }
 }
 
 #[test]
@@ -341,6 +358,45 @@ fn another_map_in_the_parameters_inherits_nothing_of_the_one_before() {
     give(&mut bench, &changed(&first, |map| map.easting_m += 0.4));
     look(&mut bench, here, 2.5, ground_truth, 40);
     assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+}
+
+#[test]
+fn what_was_stated_before_init_is_taken_back() {
+    let (first, here, behind) = (first_run(), DVec2::new(4.0, -1.5), DVec2::new(7.4, -2.8));
+    for (memory, expected) in [
+        (String::new(), "nothing is remembered; saves the map"),
+        (changed(&first, |map| map.easting_m += 100.0), "waits: 0 obstacle cells can be compared"),
+    ] {
+        let mut bench = start(&first);
+        look(&mut bench, here, 2.5, ground_truth, 40);
+        assert_eq!(cost_at(&bench, behind), 250);
+        order(&mut bench, "memory", "INIT");
+        give(&mut bench, &memory);
+        look(&mut bench, here, 2.5, ground_truth, 6);
+        order(&mut bench, "memory", "RUN");
+        let now = Stamp(bench.now_ms * 1_000_000 + 1);
+        locate(&mut bench, now, DVec2::new(2.0, 3.0));
+        look(&mut bench, here, 2.5, ground_truth, 20);
+        assert!(text(&bench).starts_with(expected), "{}", text(&bench));
+        assert_eq!((cost_at(&bench, behind), registered(&bench)), (255, None));
+    }
+}
+
+#[test]
+fn a_map_that_the_next_run_would_refuse_is_reported_and_saved_once_it_can_be() {
+    let mut bench = start_with(STACK, &[("memory.save_every_s", "3600")]);
+    locate(&mut bench, Stamp(2), DVec2::new(-400_000.0, 3.0));
+    look(&mut bench, DVec2::ZERO, 4.0, |_| 0, 20);
+    say(&mut bench, "memory", &MapMemoryCommand::Save);
+    look(&mut bench, DVec2::ZERO, 4.0, |_| 0, 20);
+    let expected = "nothing is remembered; the map is not saved: the corner is at easting -10000";
+    assert!(text(&bench).starts_with(expected), "{}", text(&bench));
+    assert_eq!(bench.sent("/memory/memory"), 0);
+    let now = Stamp(bench.now_ms * 1_000_000 + 1);
+    locate(&mut bench, now, DVec2::new(2.0, 3.0));
+    look(&mut bench, DVec2::ZERO, 4.0, |_| 0, 20);
+    assert_eq!(text(&bench), "nothing is remembered; saves the map");
+    assert_eq!(bench.sent("/memory/memory"), 1, "it was told to save");
 }
 
 #[test]

@@ -162,6 +162,11 @@ fn told_not_to_adjust_it_says_what_would_be_better_and_the_weights_stay() {
     let advice: FusionWeights = bench.latest("/learner/weights");
     assert_eq!(weight(&advice, "terrain") as f32, 0.4, "{advice:?}");
     assert!(advice.reason.starts_with("better would be terrain 0.4 to 0.1: "), "{}", advice.reason);
+    // Later fits find the same: the status goes on saying so, and it is not sent again.
+    let sent = bench.sent("/learner/weights");
+    drive(&mut bench, 60..90);
+    assert!(text(&bench).starts_with("better would be terrain 0.4 to 0.1: "), "{}", text(&bench));
+    assert_eq!(bench.sent("/learner/weights"), sent);
     let mut params: WeightLearnerParams = bench.latest("/learner/params");
     params.adjusts = true;
     bench.write("/learner/params", params);

@@ -1,8 +1,8 @@
 //! What the map memory sends: the costs of the remembered map, where its frame lies, and the map to save.
 
 use super::{MapMemoryKeeper, Now, Ports};
-use crate::memory::{MemoryError, Rectangle, statement};
-use crate::proto::MapMemoryParams;
+use crate::memory::{MemoryError, Rectangle, check, statement};
+use crate::proto::{MapMemory, MapMemoryParams};
 use crate::register::{Placed, Remembered, moved_m};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
@@ -38,8 +38,8 @@ impl MapMemoryKeeper {
             let frame = now.frame();
             let middles =
                 (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
-            let costs: Vec<u8> =
-                middles.map(|middle| remembered.map.at(placed.to_remembered(middle))).collect();
+            let cost = |middle| remembered.map.most(placed.to_remembered(middle), frame.cell_size_m);
+            let costs: Vec<u8> = middles.map(cost).collect();
             self.send(ports, params, &frame, &costs, frame_now, cx);
         }
     }
@@ -111,26 +111,31 @@ impl MapMemoryKeeper {
             Err(error) => return cx.fault(format!("map: {error}; not saved")),
         };
         self.saved = Some(now);
-        match self.gather(params, &sensed, seen) {
+        match self.gather(params, origin, &sensed, seen) {
             Ok(Some(saved)) => {
                 (self.asked, self.unsaved) = (false, None);
-                cx.write(&ports.memory, now, saved.to_memory(&origin.0));
+                cx.write(&ports.memory, now, saved);
             }
             Ok(None) => {}
             Err(error) => self.unsaved = Some(error.to_string()),
         }
     }
 
-    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
+    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers. One that the next
+    /// run would refuse is an error.
     fn gather(
         &mut self,
         params: &MapMemoryParams,
+        origin: &Origin,
         sensed: &Rectangle,
         now: &Now<'_>,
-    ) -> Result<Option<Rectangle>, MemoryError> {
+    ) -> Result<Option<MapMemory>, MemoryError> {
         self.kept.take(sensed, &self.track, params.near_m)?;
         let old = self.remembered.map.as_ref().and_then(|map| map.as_ref().ok());
         let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
-        self.kept.saved(old, now.global_from_local)
+        let Some(saved) = self.kept.saved(old, now.global_from_local)? else { return Ok(None) };
+        let saved = saved.to_memory(&origin.0);
+        check(&saved)?;
+        Ok(Some(saved))
     }
 }
