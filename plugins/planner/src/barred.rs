@@ -71,6 +71,17 @@ pub fn grown(place: Barred, vehicle: DVec2, before: &[Barred]) -> Barred {
     Barred { at: (at.x, at.y), radius_m, ..place }
 }
 
+/// Whether a place lies within one of its kind that has grown as large as places grow: barring it changes
+/// nothing.
+pub fn is_covered(place: &Barred, before: &[Barred]) -> bool {
+    let at = DVec2::from(place.at);
+    let covers = |other: &Barred| {
+        let is_largest = other.slipped == place.slipped && other.radius_m >= LARGEST_M;
+        is_largest && at.distance(DVec2::from(other.at)) <= other.radius_m
+    };
+    before.iter().any(covers)
+}
+
 /// Whether the last point of a track is where the track was before, although the wheels have turned since: the index of
 /// that point, and the way that they have measured since, m. Points in the global frame, m.
 pub fn turned_on_the_spot(track: &[DVec2]) -> Option<(usize, f64)> {
@@ -126,5 +137,7 @@ mod tests {
         let last = places[places.len() - 1];
         assert_eq!(last.radius_m, LARGEST_M);
         assert!((DVec2::from(last.at).length() - LARGEST_M - BEFORE_M).abs() < 1e-9);
+        assert!(is_covered(&first, &places) && !is_covered(&first, &places[..1]));
+        assert!(!is_covered(&other_kind, &places) && !is_covered(&place(-1.0, 0.0, 2.0), &places));
     }
 }

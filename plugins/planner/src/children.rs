@@ -61,6 +61,12 @@ impl Children {
         cx.send(&self.far_planner, Order::Run);
     }
 
+    /// Whether the follower drives as this process wants: it has not failed, and does not obey the operator.
+    pub(crate) fn may_drive(&self, cx: &Cycle<'_>) -> bool {
+        let obeys = |report: ChildReport| report.failure().is_none() && report.obeys_another.is_none();
+        cx.child(&self.follower).is_none_or(obeys)
+    }
+
     /// `DONE` when all children are.
     pub(crate) fn await_all(&self, done: &'static str, cx: &mut Cycle<'_>) {
         let reports = [cx.child(&self.planner), cx.child(&self.follower), cx.child(&self.far_planner)];

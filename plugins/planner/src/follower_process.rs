@@ -14,11 +14,15 @@ use crate::signals::Watch;
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
-use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport, WaySlip};
+use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport, VehicleStatus, WaySlip};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
+
+/// Reasons of the vehicle interface to stop the vehicle that follow from the commands of this process, or
+/// from a bumper hit, with which a mode begins that is to go on.
+const OWN_REASONS: [&str; 3] = ["bumper is pressed", "no command", "the last command was refused"];
 
 /// State: the waypoints, the goal, the poses of the last seconds, the last arc, and the active mode.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -70,6 +74,7 @@ pub struct Ports {
     bumper: In<Bumper>,
     slip: In<SlipReport>,
     way_slip: In<WaySlip>,
+    vehicle: In<VehicleStatus>,
     poses: PosePorts,
     drive: Out<DriveCommand>,
     arc: Out<PosesInFrame>,
@@ -110,6 +115,7 @@ impl Process for WaypointFollower {
             slip: b.optional_input("slip", "slip of the wheels and load of the motors, for modes"),
             way_slip: b
                 .optional_input("way_slip", "slip over the last metres, for modes"),
+            vehicle: b.optional_input("vehicle", "state of the vehicle; held, it is not stuck"),
             poses: PosePorts::declare(b),
             drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             arc: b.output("arc", "the arc that is driven, local frame").role(Role::Path).build(),
@@ -141,6 +147,10 @@ impl Process for WaypointFollower {
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
         self.take_waypoints(ports, local, cx);
         let pressed = self.take_signals(ports, local, cx);
+        let held = Held::of(cx.latest(&ports.vehicle).as_deref());
+        if held == Held::ByEmergency && self.modes.active().is_some() {
+            self.end_mode("the vehicle is held", ports, params, cx);
+        }
         let now = cx.now();
         let Some(path_at) = self.path_at else {
             send(ports, 0.0, 0.0, cx);
@@ -184,8 +194,11 @@ impl Process for WaypointFollower {
             cx.fault(format!("map: {error}"));
             return self.stand(ports, format!("the map cannot be used: {error}"), cx);
         }
-        let mode = self.choose_mode(ports, params, &vehicle, pressed, cx);
-        self.act(ports, params, &vehicle, mode.as_ref(), cx);
+        let mode = match held {
+            Held::ByEmergency => None,
+            Held::Not | Held::Otherwise => self.choose_mode(ports, params, &vehicle, pressed, cx),
+        };
+        self.act(ports, params, &vehicle, mode.as_ref(), held, cx);
     }
 
     fn init(&mut self, ports: &Ports, _params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
@@ -201,6 +214,26 @@ impl Process for WaypointFollower {
         self.watch = Watch::default();
         send(ports, 0.0, 0.0, cx);
         cx.done("halted");
+    }
+}
+
+/// Whether something other than this process holds the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Held {
+    Not,
+    Otherwise,
+    ByEmergency,
+}
+
+impl Held {
+    fn of(vehicle: Option<&VehicleStatus>) -> Held {
+        match vehicle {
+            Some(vehicle) if vehicle.emergency_stopped => Held::ByEmergency,
+            Some(vehicle) if vehicle.stopped && !OWN_REASONS.contains(&vehicle.stop_reason.as_str()) => {
+                Held::Otherwise
+            }
+            _ => Held::Not,
+        }
     }
 }
 
@@ -238,7 +271,12 @@ impl WaypointFollower {
 
     /// Reads what modes depend on; returns whether the bumper was hit.
     fn take_signals(&mut self, ports: &Ports, local: &str, cx: &mut Cycle<'_>) -> bool {
-        if let Some(goal) = cx.read_newest(&ports.goal) {
+        let mut goal = cx.read_newest(&ports.goal);
+        if goal.is_none() && self.goal.is_none() {
+            // What was told before HALT or INIT of this process alone is not told again.
+            goal = cx.latest(&ports.goal);
+        }
+        if let Some(goal) = goal {
             let pose = pose_of(goal.pose.as_ref(), &goal.frame_id).ok().filter(|_| goal.frame_id == local);
             self.goal = pose.map(|pose| (pose.translation.x, pose.translation.y));
         }
@@ -349,6 +387,7 @@ impl WaypointFollower {
         params: &WaypointFollowerParams,
         vehicle: &Pose,
         mode: Option<&Mode>,
+        held: Held,
         cx: &mut Cycle<'_>,
     ) {
         let position = vehicle.translation.truncate();
@@ -401,8 +440,10 @@ impl WaypointFollower {
         };
         let follows = obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow);
         let no_arc = follows && target.is_some() && chosen.is_none();
-        self.watch.take_blocked(self.no_way, no_arc, cx.now());
-        self.watch.take_order([speed_mps, yaw_rate_radps], position, cx.now());
+        let is_free = held == Held::Not;
+        self.watch.take_blocked(is_free && self.no_way, is_free && no_arc, cx.now());
+        let order = if is_free { [speed_mps, yaw_rate_radps] } else { [0.0; 2] };
+        self.watch.take_order(order, position, cx.now());
         send(ports, speed_mps, yaw_rate_radps, cx);
         self.before_per_m = match chosen.map(|at| scored[at].arc) {
             Some(Arc { motion: Motion::Forward, curvature_per_m }) => curvature_per_m,

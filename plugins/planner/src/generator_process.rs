@@ -267,7 +267,8 @@ impl Process for WaypointGenerator {
             registration.and_then(|message| route::registered(&message, &params.local_frame));
         let goal = self.found_before(params, stated, local_from_route.as_ref()).unwrap_or(stated);
         let local_from_route = local_from_route.or_else(|| self.placed_by_start(params));
-        let goal = self.look_for_goal(params, goal, arrived, cx.now());
+        let may_drive = !self.is_standing && ports.children.may_drive(cx);
+        let goal = self.look_for_goal(params, goal, arrived, may_drive, cx.now());
         let Some((global_from_local, at)) = self.global_from_local else {
             return cx.exec("waits for the local frame in the global frame");
         };

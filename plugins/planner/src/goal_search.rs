@@ -81,6 +81,13 @@ impl GoalSearch {
         goes_on
     }
 
+    /// The vehicle may not drive: its time for driving to a place begins when it may.
+    pub fn wait(&mut self, now: Stamp) {
+        if let Some((_, since, _)) = &mut self.target {
+            *since = now;
+        }
+    }
+
     /// Where it drives to, global frame, m; `None` for the estimate, where it stays.
     pub fn target(&self) -> Option<DVec2> {
         self.target.map(|(target, _, _)| DVec2::from(target))
@@ -234,6 +241,21 @@ mod tests {
         let ahead = Scene { zones: &zones, ..scene((DVec2::ZERO, 0.0), &[(0.0, 0.0)]) };
         let first = GoalSearch::begin(&ahead, Stamp(0)).target().unwrap();
         assert!(first.x <= 0.4, "{first}");
+    }
+
+    #[test]
+    fn while_the_vehicle_may_not_drive_no_place_is_given_up() {
+        let track = [(0.0, 0.0)];
+        let scene = scene((DVec2::ZERO, 0.0), &track);
+        let mut search = GoalSearch::begin(&scene, Stamp(0));
+        let first = search.target();
+        let at = |second: u64| Stamp(second * 1_000_000_000);
+        for second in 1..60 {
+            search.wait(at(second));
+            assert!(!search.go_on(&scene, false, at(second)), "after {second} s");
+        }
+        assert!(!search.go_on(&scene, false, at(67)) && search.target() == first);
+        assert!(search.go_on(&scene, false, at(68)) && search.target() != first);
     }
 
     #[test]

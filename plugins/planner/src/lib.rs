@@ -78,6 +78,7 @@
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |
 //! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels and load of the motors, for modes |
 //! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres, for modes |
+//! | `vehicle` | in, optional | `rcs.VehicleStatus` | state of the vehicle; held, it is not stuck |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |

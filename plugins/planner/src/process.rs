@@ -48,6 +48,8 @@ pub struct AStarPlanner {
     /// Sequence of the map and goal of the last plan.
     planned: Option<(u64, (f64, f64))>,
     plans: u64,
+    /// Why the last goal was not taken.
+    refused: Option<String>,
     /// The result of the last plan: an error, or what the path is like.
     told: Told,
     #[serde(skip)]
@@ -123,20 +125,28 @@ impl Process for AStarPlanner {
     fn cycle(&mut self, ports: &Ports, params: &PlannerParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), None);
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
+        let mut is_newly_refused = false;
         while let Some(command) = cx.next_command::<Self>() {
             let PlannerCommand::PlanTo(goal) = command;
             self.goal = Some((goal.x_m, goal.y_m));
             self.route = goal.route.iter().map(|point| (point.x_m, point.y_m)).collect();
             self.barred = goal.barred.iter().map(Barred::from).collect();
             match zones(&goal) {
-                Ok(zones) => self.zones = zones,
+                Ok(zones) => (self.zones, self.refused) = (zones, None),
                 // What cannot be understood must not be driven through.
                 Err(why) => {
                     self.goal = None;
-                    return self.stop(ports, params, format!("PLAN_TO: {why}"), cx);
+                    self.refused = Some(format!("PLAN_TO: {why}"));
                 }
             }
+            is_newly_refused = self.refused.is_some();
             self.planned = None;
+        }
+        if let Some(why) = self.refused.clone() {
+            if is_newly_refused {
+                return self.stop(ports, params, why, cx);
+            }
+            return cx.error(why);
         }
         let Some(goal) = self.goal else {
             cx.exec("waits for a goal");
@@ -187,6 +197,7 @@ impl Process for AStarPlanner {
     fn halt(&mut self, ports: &Ports, params: &PlannerParams, cx: &mut Cycle<'_>) {
         if cx.is_new_command() {
             self.goal = None;
+            self.refused = None;
             self.planned = None;
             self.send_none(ports, params, PlanState::PlanNone, "halted", cx);
         }

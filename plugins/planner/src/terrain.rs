@@ -252,19 +252,42 @@ impl Terrain {
         CostGrid::new(sensed.columns, cells.len() / sensed.columns.max(1), cells)
     }
 
-    /// Marks the cells in which the vehicle must not drive: a vehicle that has come into one can leave it, and turn
-    /// beside it.
+    /// Marks the cells in which the vehicle must not drive, and those that the border of a zone crosses: a
+    /// zone may be thinner than a cell. A vehicle that has come into one can leave it to the nearest cell
+    /// that is allowed, and turn beside it.
     fn forbid(&mut self, sensed: &Sensed, vehicle: &Pose, past: &Past<'_>, rules: &Rules) {
         self.forbidden.clear();
         let Some(zones) = past.zones.filter(|zones| !zones.is_empty()) else { return };
         let position = vehicle.translation.truncate();
-        let free_m = zones.trespass_m(position) + rules.least_room_m + sensed.cell_size_m;
+        // How far it is to where the vehicle would be allowed; the nearest border may lead into another zone.
+        let mut trespass_m = if zones.forbid(position) { f64::INFINITY } else { 0.0 };
         let columns = sensed.columns.max(1);
-        for row in 0..sensed.fused.len() / columns {
+        let rows = sensed.fused.len() / columns;
+        for row in 0..rows {
             let centre = |column: usize| sensed.centre(Place::new(column as i32, row as i32));
-            let zones = zones.forbid_along(centre(0).y);
-            let is_forbidden = |at: DVec2| zones(at.x) && at.distance(position) > free_m;
-            self.forbidden.extend((0..columns).map(|column| is_forbidden(centre(column))));
+            let is_forbidden = zones.forbid_along(centre(0).y);
+            for at in (0..columns).map(centre) {
+                let is_forbidden = is_forbidden(at.x);
+                if !is_forbidden && trespass_m > 0.0 {
+                    trespass_m = trespass_m.min(at.distance(position));
+                }
+                self.forbidden.push(is_forbidden);
+            }
+        }
+        let side_m = DVec2::new(columns as f64, rows as f64) * sensed.cell_size_m;
+        let map = [sensed.corner, sensed.corner + side_m];
+        zones.along_borders(map, sensed.cell_size_m / 2.0, |at| {
+            let inside = |place: &Place| {
+                (0..columns as i32).contains(&place.column) && (0..rows as i32).contains(&place.row)
+            };
+            if let Some(place) = sensed.place(at).filter(inside) {
+                self.forbidden[sensed.index(place)] = true;
+            }
+        });
+        let free_m = trespass_m + rules.least_room_m + sensed.cell_size_m;
+        for (index, is_forbidden) in self.forbidden.iter_mut().enumerate().filter(|(_, is)| **is) {
+            let place = Place::new((index % columns) as i32, (index / columns) as i32);
+            *is_forbidden = sensed.centre(place).distance(position) > free_m;
         }
         for (obstacle, _) in self.is_obstacle.iter_mut().zip(&self.forbidden).filter(|(_, is)| **is) {
             *obstacle = true;

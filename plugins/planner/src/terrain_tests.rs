@@ -1,6 +1,7 @@
 //! Small maps.
 
 use super::*;
+use crate::zones::Polygon;
 
 fn rules() -> Rules {
     Rules {
@@ -329,4 +330,38 @@ fn a_firm_path_through_a_place_where_the_wheels_slipped_is_cheaper_than_the_mud_
 fn costs_with_barred(sensed: &Sensed, barred: &[Barred]) -> CostGrid {
     let past = Past { barred, ..Past::default() };
     Terrain::default().costs(sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &past, &rules()).unwrap()
+}
+
+/// The costs where these rectangles must not be entered, from their lowest to their highest corners, m.
+fn costs_with_zones(vehicle: &Pose, zones: &[[(f64, f64); 2]]) -> CostGrid {
+    let zone = |[low, high]: &[(f64, f64); 2]| {
+        let corners = [*low, (high.0, low.1), *high, (low.0, high.1)];
+        Polygon::new(corners.map(DVec2::from)).unwrap()
+    };
+    let zones = Zones { area: None, keep_out: zones.iter().map(zone).collect() };
+    let past = Past { zones: Some(&zones), ..Past::default() };
+    Terrain::default().costs(&sensed(0), vehicle, &past, &rules()).unwrap()
+}
+
+#[test]
+fn a_vehicle_inside_of_a_zone_can_leave_it_where_the_nearest_border_leads_into_another_zone() {
+    // To the east, 0.2 m away, another zone begins; to the west, 1.7 m away, there is none.
+    let zones = [[(-0.9, -3.0), (1.0, 3.0)], [(0.9, -3.5), (3.7, 3.5)]];
+    let costs = costs_with_zones(&Pose::from_xy_yaw(0.8, 0.0, 0.0), &zones);
+    for x_m in [0.8, 0.0, -0.6, -1.0, -1.6] {
+        assert_ne!(costs.get(at(x_m, 0.0)), Some(BLOCKED), "{x_m} m");
+    }
+    assert_eq!(costs.get(at(3.4, 0.0)), Some(BLOCKED), "farther than the way out");
+    let outside = costs_with_zones(&Pose::from_xy_yaw(-2.0, 0.0, 0.0), &zones);
+    assert_eq!(outside.get(at(-0.6, 0.0)), Some(BLOCKED));
+}
+
+#[test]
+fn a_zone_that_is_thinner_than_a_cell_is_not_entered() {
+    // Between the middles of two rows of cells.
+    let costs = costs_with_zones(&Pose::from_xy_yaw(0.0, -3.0, 0.0), &[[(-9.0, 1.02), (9.0, 1.08)]]);
+    for x_m in [-4.0, -1.0, 0.0, 2.2, 4.0] {
+        assert_eq!(costs.get(at(x_m, 1.0)), Some(BLOCKED), "{x_m} m");
+    }
+    assert_ne!(costs.get(at(0.0, 2.0)), Some(BLOCKED));
 }

@@ -102,6 +102,31 @@ impl Zones {
         outside.chain(inside).map(|polygon| polygon.border_m(at)).fold(0.0, f64::max)
     }
 
+    /// Calls a function with points along the borders of the zones, at most a step from each other, m, within
+    /// a rectangle from its lowest to its highest corner.
+    pub fn along_borders(&self, [low, high]: [DVec2; 2], step_m: f64, mut visit: impl FnMut(DVec2)) {
+        for zone in &self.keep_out {
+            for (a, b) in zone.edges() {
+                let along = b - a;
+                let (mut from, mut to) = (0.0_f64, 1.0_f64);
+                // An edge parallel to an axis is there everywhere or nowhere: the quotients are infinite.
+                for (start, by, low, high) in [(a.x, along.x, low.x, high.x), (a.y, along.y, low.y, high.y)] {
+                    let (first, last) = ((low - start) / by, (high - start) / by);
+                    from = from.max(first.min(last));
+                    to = to.min(first.max(last));
+                }
+                if from > to {
+                    continue;
+                }
+                let (first, last) = (a + along * from, a + along * to);
+                let steps = (first.distance(last) / step_m).ceil().max(1.0) as u32;
+                for step in 0..=steps {
+                    visit(first.lerp(last, f64::from(step) / f64::from(steps)));
+                }
+            }
+        }
+    }
+
     /// Zones with each corner moved by a function.
     #[must_use]
     pub fn moved(&self, by: impl Fn(DVec2) -> DVec2) -> Zones {
@@ -206,6 +231,17 @@ mod tests {
             let [area, zone] = [zones.area.as_ref().unwrap(), &zones.keep_out[0]];
             assert_eq!(zones.forbid_along(y)(x), !area.contains(at) || zone.contains(at), "{at}");
         }
+    }
+
+    #[test]
+    fn points_along_the_borders_lie_close_together_and_within_the_rectangle() {
+        let zones = Zones { area: Some(square(-5.0, 5.0)), keep_out: vec![square(0.0, 1e6)] };
+        let mut points = Vec::new();
+        zones.along_borders([DVec2::splat(-2.0), DVec2::splat(3.0)], 0.1, |at| points.push(at));
+        let on_border =
+            |at: &DVec2| at.x.min(at.y).abs() < 1e-9 && (-1e-9..3.0 + 1e-9).contains(&at.x.max(at.y));
+        assert!(points.iter().all(on_border), "{points:?}");
+        assert!((60..=64).contains(&points.len()), "{}", points.len());
     }
 
     #[test]

@@ -7,7 +7,7 @@ use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, Odometry, PackedElementField, PosesInFrame, Vector2, Vector3};
 use rcs_msg::rcs;
 use rcs_msg::rcs::{Plan, ProcessState};
-use rcs_planner::proto::PlannerGoal;
+use rcs_planner::proto::{PlanPoint, PlanZone, PlannerGoal};
 use rcs_planner::{AStarPlanner, PlannerCommand};
 use rcs_runtime::{CommandSet, ProcessType};
 use rcs_sense::pose_message;
@@ -30,6 +30,7 @@ trait PlannerBench: Sized {
     fn at(&mut self, x_m: f64, y_m: f64);
     fn map(&mut self, frame: &str, cost: impl Fn(DVec2) -> u8);
     fn plan_to(&mut self, x_m: f64, y_m: f64);
+    fn plan(&mut self, goal: PlannerGoal);
     fn cycle(&mut self);
     fn status(&self) -> (ProcessState, String);
     fn path(&self) -> Vec<DVec2>;
@@ -72,7 +73,11 @@ impl PlannerBench for Bench {
     }
 
     fn plan_to(&mut self, x_m: f64, y_m: f64) {
-        let encoded = PlannerCommand::PlanTo(PlannerGoal { x_m, y_m, ..PlannerGoal::default() }).encode();
+        self.plan(PlannerGoal { x_m, y_m, ..PlannerGoal::default() });
+    }
+
+    fn plan(&mut self, goal: PlannerGoal) {
+        let encoded = PlannerCommand::PlanTo(goal).encode();
         let (parameters_schema, parameters) = encoded.parameters;
         let serial = 1 + self.sent("/planner/command");
         let name = encoded.name.to_owned();
@@ -235,4 +240,25 @@ fn at_the_goal_it_is_done_and_sends_no_path() {
     bench.cycle();
     assert_eq!(bench.status(), (ProcessState::Done, "at the goal".to_owned()));
     assert!(bench.path().is_empty());
+}
+
+#[test]
+fn zones_that_cannot_be_understood_are_told_until_a_goal_with_others_comes() {
+    let mut bench = Bench::start();
+    let zone = PlanZone { corners: vec![PlanPoint { x_m: 1.0, y_m: 2.0 }; 2] };
+    bench.plan(PlannerGoal { x_m: 10.0, keep_out: vec![zone], ..PlannerGoal::default() });
+    for _ in 0..3 {
+        bench.at(0.0, 0.0);
+        bench.map("local", wall);
+        bench.cycle();
+        let (state, text) = bench.status();
+        assert!(
+            state == ProcessState::Error && text.starts_with("PLAN_TO: keep_out: a polygon has 2"),
+            "{text}"
+        );
+        assert!(bench.path().is_empty());
+    }
+    bench.plan_to(10.0, 0.0);
+    bench.cycle();
+    assert!(bench.status().0 == ProcessState::Exec && !bench.path().is_empty(), "{:?}", bench.status());
 }

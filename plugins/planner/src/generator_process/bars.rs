@@ -2,7 +2,7 @@
 //! there. Where the wheels slipped, they are barred in the next run, too.
 
 use super::{Ports, WaypointGenerator};
-use crate::barred::{Barred, grown, turned_on_the_spot};
+use crate::barred::{Barred, grown, is_covered, turned_on_the_spot};
 use crate::proto::{BarredPlace, WaypointGeneratorParams};
 use crate::slips;
 use rcs_geom::{DVec2, DVec3, Pose};
@@ -18,28 +18,34 @@ const SLIPS_PERIOD_S: f64 = 1.0;
 const SLIPPERY_STEP_M: f64 = 0.5;
 
 impl WaypointGenerator {
-    /// Bars a place of the far path to which the planner of the near map finds no way: the near map shows better what is
-    /// there, and the far planner looks for another way.
+    /// Bars a place of the far path to which the planner of the near map finds no way, or which lies inside
+    /// of an obstacle: the near map shows better what is there, and the far planner looks for another way.
     pub(super) fn look_for_a_way(
         &mut self,
         ports: &Ports,
         params: &WaypointGeneratorParams,
         cx: &mut Cycle<'_>,
     ) {
-        let is_led = self.near_told.is_some() && self.is_led();
-        let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
-        if params.no_way_bars_m <= 0.0 || !is_led || !is_closed {
+        let led = self.near_told.filter(|_| !self.is_standing && self.near_told != self.told);
+        let plan = cx.latest(&ports.plan);
+        let is_closed = plan.as_ref().is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
+        let is_blocked = plan.is_some_and(|plan| {
+            plan.state() == PlanState::PlanGoalBlocked && Some((plan.goal_x_m, plan.goal_y_m)) == led
+        });
+        let Some(led) = led.filter(|_| (is_closed || is_blocked) && params.no_way_bars_m > 0.0) else {
             self.no_way = None;
             return;
-        }
+        };
         let now = cx.now();
         if now.seconds_since(*self.no_way.get_or_insert(now)) < NO_WAY_S {
             return;
         }
         self.no_way = None;
         let Some((global_from_local, _)) = self.global_from_local else { return };
-        let Some(at) = self.along_far_path(&global_from_local, params.lookahead_m / 2.0) else { return };
-        let goal_m = self.obeyed_goal().map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
+        let half_way = || self.along_far_path(&global_from_local, params.lookahead_m / 2.0);
+        let at = if is_blocked { Some(DVec2::from(led)) } else { half_way() };
+        let Some(at) = at else { return };
+        let goal_m = self.told.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
         if goal_m > params.no_way_bars_m + 1.0 {
             let place = BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m, slipped: false };
             self.take_barred(Some(&place));
@@ -78,6 +84,9 @@ impl WaypointGenerator {
         let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
         let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
         let place = Barred { at: (at.x, at.y), ..Barred::from(place) };
+        if is_covered(&place, &self.barred) {
+            return;
+        }
         self.barred.push(grown(place, vehicle, &self.barred));
         // The planners are told with the goal.
         self.is_to_tell = true;

@@ -1,7 +1,9 @@
 //! What the parameters of the waypoint generator give as texts: the route, the world's origin and the goal.
 
+use super::goals::zones_of_files;
 use crate::goal::Goal;
 use crate::proto::{Route, SlipMemory, WaypointGeneratorParams};
+use crate::zones::Zones;
 use crate::{route, slips};
 use rcs_sense::{Origin, fingerprint_of_texts};
 
@@ -13,6 +15,8 @@ pub(super) struct Given {
     world: Read<Option<Result<Origin, String>>>,
     goal: Read<Option<Result<Goal, String>>>,
     fingerprint: Option<(WaypointGeneratorParams, u64)>,
+    /// The zones of the files with the parameters of this fingerprint.
+    zones: Option<(u64, Result<Zones, String>)>,
 }
 
 /// A text, and what was read from it.
@@ -60,6 +64,19 @@ impl Given {
         let read = |text: &str| Some(Origin::from_toml(text).map_err(|error| format!("world: {error}")));
         let none = "world: expected a file with the [origin] of the global frame";
         self.world.of(&params.world, read).clone().unwrap_or_else(|| Err(none.to_owned()))
+    }
+
+    /// The zones of goal file and world file, global frame, m.
+    pub(super) fn zones(&mut self, params: &WaypointGeneratorParams) -> Result<Zones, String> {
+        let fingerprint = self.fingerprint(params);
+        if let Some((known, zones)) = &self.zones
+            && *known == fingerprint
+        {
+            return zones.clone();
+        }
+        let zones = self.origin(params).and_then(|origin| zones_of_files(params, &origin));
+        self.zones = Some((fingerprint, zones.clone()));
+        zones
     }
 
     /// The goal of the file.

@@ -69,12 +69,14 @@ impl WaypointGenerator {
     }
 
     /// Searches for the goal of the file, believed to be here (global frame, m), from the first arrival there on, given
-    /// whether the vehicle has arrived where it was told to drive. Where it drives to.
+    /// whether the vehicle has arrived where it was told to drive, and whether it may drive. Where it drives
+    /// to.
     pub(super) fn look_for_goal(
         &mut self,
         params: &WaypointGeneratorParams,
         goal: DVec2,
         arrived: bool,
+        may_drive: bool,
         now: Stamp,
     ) -> DVec2 {
         let within_m = params.found_within_m;
@@ -87,6 +89,9 @@ impl WaypointGenerator {
         let scene =
             Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m, zones: &self.zones };
         let has_changed = if let Some(search) = &mut self.search {
+            if !may_drive {
+                search.wait(now);
+            }
             search.go_on(&scene, arrived, now)
         } else {
             let begins = arrived || at.distance(goal) < SEARCH_FROM_M;
@@ -108,8 +113,7 @@ impl WaypointGenerator {
 
     /// The zones of the files and of the operator, global frame, m, unless the goal (global frame, m) lies in one.
     pub(super) fn allowed(&mut self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
-        let origin = self.given.origin(params)?;
-        let mut zones = zones_of_files(params, &origin)?;
+        let mut zones = self.given.zones(params)?;
         zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
         zones.area = self.mission.zones.area.clone().or(zones.area);
         if zones.forbid(goal) {
@@ -138,7 +142,10 @@ impl WaypointGenerator {
             route::in_global(self.given.route(params)?, &origin.0, goal, params.route_goal_m).ok()?;
         let finish = global_from_local * (*local_from_route * route::finish(&points)?.extend(0.0));
         let finish = finish.truncate();
-        (finish.distance(goal) <= FOUND_WITHIN_M).then(|| goal.lerp(finish, FOUND_SHARE))
+        let place = goal.lerp(finish, FOUND_SHARE);
+        // That run may have come closer to a zone or to the border of the area than this one may.
+        let is_believed = finish.distance(goal) <= FOUND_WITHIN_M && self.allowed(params, place).is_ok();
+        is_believed.then_some(place)
     }
 
     /// The goal in the global frame, m.

@@ -25,10 +25,16 @@ impl WaypointGenerator {
     ) {
         let mut at = self.global_from_local.map(|(_, at)| at);
         while let Some(message) = cx.read(&ports.transforms) {
-            match self.frames.add_transforms(&message, cx.now()) {
-                Ok(()) if places_local(&message, params) => at = Some(message.acq_time()),
-                Ok(()) => {}
-                Err(error) => cx.fault(format!("transforms: {error}; skipped")),
+            let added = self.frames.add_transforms(&message, cx.now());
+            let placing = placing_local(&message, params);
+            // After an error, those that place the local frame are added again alone: others may be wrong.
+            let is_placed = !placing.transforms.is_empty()
+                && (added.is_ok() || self.frames.add_transforms(&placing, cx.now()).is_ok());
+            if is_placed {
+                at = Some(message.acq_time());
+            }
+            if let Err(error) = added {
+                cx.fault(format!("transforms: {error}; skipped"));
             }
         }
         let (global, local) = (&params.global_frame, &params.local_frame);
@@ -100,13 +106,13 @@ impl WaypointGenerator {
     }
 }
 
-/// Whether a message says where the local frame is, and not only where the vehicle and its parts are.
-fn places_local(message: &FrameTransforms, params: &WaypointGeneratorParams) -> bool {
-    let places = |transform: &FrameTransform| {
+/// What of a message says where the local frame is, and not only where the vehicle and its parts are.
+fn placing_local(message: &FrameTransforms, params: &WaypointGeneratorParams) -> FrameTransforms {
+    let places = |transform: &&FrameTransform| {
         let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
         *child == params.local_frame || (*parent == params.local_frame && *child == params.global_frame)
     };
-    message.transforms.iter().any(places)
+    FrameTransforms { transforms: message.transforms.iter().filter(places).cloned().collect() }
 }
 
 /// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance; infinite where a

@@ -1,9 +1,9 @@
 //! At the goal: where it is believed to be, where an earlier run found it, and what leads there.
 
-use super::{FILES, cycle, drive, free, global_at, path, start, status, story};
+use super::{FILES, cycle, drive, free, global_at, path, polygon, start, status, story};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, PosesInFrame, Quaternion, Vector3};
-use rcs_msg::rcs::ProcessState;
+use rcs_msg::rcs::{Mission, ProcessState};
 use rcs_sense::pose_message;
 use rcs_testkit::bench::Bench;
 
@@ -103,6 +103,20 @@ fn the_goal_lies_where_the_run_before_found_it_while_its_map_is_registered() {
     register(&mut bench, Some(DVec2::new(-2.0, 0.5)));
     cycle(&mut bench, 0.0, 0.0, free, 12);
     assert!(target(&bench).distance(DVec2::new(10.0, 0.0)) < 0.3, "{}", target(&bench));
+}
+
+#[test]
+fn where_the_run_before_found_the_goal_is_not_driven_to_if_that_is_in_a_zone() {
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.route", "r")]);
+    register(&mut bench, Some(DVec2::new(-2.0, -1.5)));
+    let zone = polygon(&[(7.0, 0.65), (13.0, 0.65), (13.0, 3.0), (7.0, 3.0)]);
+    let (frame_id, keep_out) = ("local".to_owned(), vec![zone]);
+    let mission = Mission { frame_id, keep_out, keeps_goals: true, ..Mission::default() };
+    bench.write("/operator/mission", mission);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(drive(&bench).0 > 0.2, "{}", story(&bench));
+    let end = *path(&bench).last().unwrap();
+    assert!(end.distance(DVec2::new(10.0, 0.0)) < 0.3, "{end}");
 }
 
 #[test]

@@ -53,6 +53,7 @@ plan = "/planner/plan"
 slip = "/operator/slip"
 way_slip = "/operator/way_slip"
 bumper = "/operator/bumper"
+vehicle = "/operator/vehicle"
 odometry = "/operator/odometry"
 "#;
 
@@ -332,6 +333,26 @@ fn a_place_of_the_far_path_to_which_the_near_map_has_no_way_is_barred() {
         cycle(&mut bench, 0.0, 0.0, free, 12);
         let barred = DVec2::new(2.5, 0.0);
         path(&bench).iter().map(|at| at.distance(barred)).fold(f64::INFINITY, f64::min)
+    };
+    assert!(nearest_m(14) < 0.3, "the map may be wrong for half a second");
+    assert!(nearest_m(34) > 1.0);
+}
+
+#[test]
+fn a_place_of_the_far_path_inside_of_an_obstacle_of_the_near_map_is_barred() {
+    let nearest_m = |blocked_cycles: usize| {
+        let bars = [("generator.no_way_bars_m", "1.2"), ("planner.approach_m", "2")];
+        let mut bench = start(&[FILES[0], FILES[1], bars[0], bars[1]]);
+        let led = DVec2::new(5.0, 0.0);
+        bench.write("/operator/global", global_at(2.0));
+        goal::lead(&mut bench, 10.0);
+        let blocked = |at: DVec2| if at.distance(led) < 3.5 { 250 } else { 0 };
+        cycle(&mut bench, 0.0, 0.0, blocked, blocked_cycles);
+        assert!(status(&bench, "planner").1.contains("is inside of an obstacle"), "{}", story(&bench));
+        // From 3 m on it is led to 8 m.
+        bench.write("/operator/global", global_at(5.0));
+        cycle(&mut bench, 3.0, 0.0, free, 12);
+        path(&bench).iter().map(|at| at.distance(led)).fold(f64::INFINITY, f64::min)
     };
     assert!(nearest_m(14) < 0.3, "the map may be wrong for half a second");
     assert!(nearest_m(34) > 1.0);

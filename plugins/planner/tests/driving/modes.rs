@@ -232,3 +232,44 @@ fn where_there_is_a_path_and_no_free_arc_it_backs_out_and_looks_for_another_way(
     let event: ModeEvent = bench.latest("/follower/modes");
     assert!(event.from == "NO_ARC" && event.reason.starts_with("moved_m is 0.9"), "{event:?}");
 }
+
+#[test]
+fn while_the_vehicle_is_held_it_is_not_stuck_and_an_emergency_stop_ends_a_mode() {
+    let mut bench = start(&FILES);
+    let hold = |bench: &mut Bench, reason: &str, emergency_stopped: bool| {
+        let (stopped, stop_reason) = (!reason.is_empty(), reason.to_owned());
+        let status = rcs::VehicleStatus { stopped, stop_reason, emergency_stopped, ..Default::default() };
+        bench.write("/operator/vehicle", status);
+    };
+    hold(&mut bench, "imu silent for 1.0 s, expected at most 0.5 s", false);
+    cycle(&mut bench, 0.0, 0.0, free, 200);
+    assert_eq!(mode(&bench).0, "", "{}", story(&bench));
+    hold(&mut bench, "", false);
+    cycle(&mut bench, 0.0, 0.0, free, 80);
+    assert_eq!(mode(&bench).0, "STUCK", "{}", story(&bench));
+    hold(&mut bench, "emergency stop: a person", true);
+    cycle(&mut bench, 0.0, 0.0, free, 200);
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert_eq!((event.from.as_str(), event.reason.as_str()), ("STUCK", "the vehicle is held"));
+    assert_eq!(bench.sent("/follower/modes"), 2, "{event:?}");
+    // A bumper that holds the vehicle is what a mode begins with.
+    hold(&mut bench, "bumper is pressed", false);
+    bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
+    cycle(&mut bench, 0.0, 0.0, free, 2);
+    assert_eq!(mode(&bench).0, "REVERSE_FROM_BUMPER", "{}", story(&bench));
+}
+
+#[test]
+fn after_halt_and_run_of_the_follower_alone_it_still_knows_the_goal() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    for (serial, name) in [(100, "HALT"), (101, "RUN")] {
+        let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
+        bench.write("/follower/command", command);
+        cycle(&mut bench, 0.0, 0.0, ring, 4);
+    }
+    cycle(&mut bench, 0.0, 0.0, ring, 100);
+    assert_eq!(mode(&bench).0, "AGGRESSIVE", "{}", story(&bench));
+    let choice: ArcChoice = bench.latest("/follower/arcs");
+    assert!((choice.target_x_m - 10.0).abs() < 0.3 && drive(&bench).0 > 0.2, "{}", story(&bench));
+}
