@@ -63,6 +63,17 @@ pub use worth::{PlaneNoise, worth};
 
 pub use rcs_world::CELL_SIZE_M;
 
+/// Reasons (`rcs.VehicleStatus.stop_reason`) for which a vehicle interface holds the vehicle that follow from what drives it:
+/// no command came, the last one was refused, or it leads ahead while the bumper is pressed.
+pub mod stop_reason {
+    /// The bumper is pressed, and the command leads ahead.
+    pub const BUMPER: &str = "bumper is pressed";
+    /// No command came within the timeout.
+    pub const NO_COMMAND: &str = "no command";
+    /// The last command was refused.
+    pub const REFUSED: &str = "the last command was refused";
+}
+
 /// Slip over some metres (`rcs.WaySlip`) of ground on which wheels slip and the vehicle gets on: firm ground and growth have
 /// less than 0.2 in truth, flat mud 0.5. More slip tells nothing of the ground: the vehicle hardly moves, and without images
 /// the local frame moves on over ground that its wheels have not touched.

@@ -17,12 +17,12 @@ use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
 use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport, VehicleStatus, WaySlip};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
+use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of, stop_reason};
 use serde::{Deserialize, Serialize};
 
 /// Reasons of the vehicle interface to stop the vehicle that follow from the commands of this process, or
 /// from a bumper hit, with which a mode begins that is to go on.
-const OWN_REASONS: [&str; 3] = ["bumper is pressed", "no command", "the last command was refused"];
+const OWN_REASONS: [&str; 3] = [stop_reason::BUMPER, stop_reason::NO_COMMAND, stop_reason::REFUSED];
 
 /// State: the waypoints, the goal, the poses of the last seconds, the last arc, and the active mode.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

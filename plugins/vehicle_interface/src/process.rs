@@ -12,7 +12,7 @@ use rcs_msg::rcs::{
     WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, InputRole, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, Repeats, pose_of};
+use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, Repeats, pose_of, stop_reason};
 use serde::{Deserialize, Serialize};
 
 /// A vehicle slower than this stands, m/s.
@@ -413,8 +413,8 @@ impl VehicleInterface {
         }
         match self.drive.last_request(now, params.command_timeout_s) {
             LastRequest::Drive(request) => self.obey(request, params, now),
-            LastRequest::Refused => Decision::stop("the last command was refused"),
-            LastRequest::Nothing => Decision::stop("no command"),
+            LastRequest::Refused => Decision::stop(stop_reason::REFUSED),
+            LastRequest::Nothing => Decision::stop(stop_reason::NO_COMMAND),
         }
     }
 
@@ -422,7 +422,7 @@ impl VehicleInterface {
         let is_held = params.bumper_holds && (self.sensed.bumper_left || self.sensed.bumper_right);
         let speed_mps = if is_held { request.speed_mps.min(0.0) } else { request.speed_mps };
         let stop_reason =
-            if is_held && request.speed_mps > 0.0 { "bumper is pressed" } else { "" }.to_owned();
+            if is_held && request.speed_mps > 0.0 { stop_reason::BUMPER } else { "" }.to_owned();
         let aim = match request.turn {
             Turn::Rate(yaw_rate_radps) => Aim::Rate { speed_mps, yaw_rate_radps },
             Turn::Heading(heading_rad) => match self.yaw {
