@@ -13,8 +13,9 @@ use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::PointCloud;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::Duration;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// What a layer consists of.
 pub(super) enum Content {
@@ -65,17 +66,26 @@ pub(super) struct Picture {
     pub(super) problems: Vec<String>,
 }
 
-/// The thread, from outside. Dropping it ends the thread after its current picture.
+/// Maximum time for which a view that is closed waits for its thread.
+const LAST: Duration = Duration::from_secs(2);
+
+/// The thread, from outside. Dropping it waits until the thread has drawn its current picture and released the device:
+/// a program that ends while a thread still uses the graphics driver crashes in it.
 pub(super) struct Worker {
-    requests: Sender<Request>,
+    /// `None` only while it is dropped.
+    requests: Option<Sender<Request>>,
+    /// Closed by the thread once it has released the device.
     pictures: Receiver<Result<Picture, String>>,
+    /// `None` only while it is dropped.
+    thread: Option<JoinHandle<()>>,
 }
 
 impl Worker {
     pub(super) fn start(ctx: egui::Context) -> std::io::Result<Self> {
         let (requests, receiver) = channel::<Request>();
         let (sender, pictures) = channel();
-        std::thread::Builder::new().name("scene".to_owned()).spawn(move || {
+        let thread = std::thread::Builder::new().name("scene".to_owned()).spawn(move || {
+            let sender = sender;
             let mut gpu = None;
             let mut prepared = Prepared::default();
             while let Ok(mut request) = receiver.recv() {
@@ -93,12 +103,12 @@ impl Worker {
                 ctx.request_repaint_after(Duration::from_millis(1));
             }
         })?;
-        Ok(Self { requests, pictures })
+        Ok(Self { requests: Some(requests), pictures, thread: Some(thread) })
     }
 
     pub(super) fn ask(&self, request: Request) {
         // Where the thread has ended, its last answer says why.
-        let _ = self.requests.send(request);
+        let _ = self.requests.as_ref().map(|requests| requests.send(request));
     }
 
     /// The newest picture since the last call.
@@ -109,6 +119,23 @@ impl Worker {
     /// Like [`Worker::take`], for which it waits a little.
     pub(super) fn wait(&self, time: Duration) -> Option<Result<Picture, String>> {
         self.pictures.recv_timeout(time).ok()
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.requests = None;
+        let until = Instant::now() + LAST;
+        let ended = loop {
+            match self.pictures.recv_timeout(until.saturating_duration_since(Instant::now())) {
+                Ok(_) => {}
+                Err(error) => break error == RecvTimeoutError::Disconnected,
+            }
+        };
+        if let Some(thread) = self.thread.take().filter(|_| ended) {
+            // What made it panic was printed by it.
+            let _ = thread.join();
+        }
     }
 }
 
@@ -191,4 +218,30 @@ fn fitted(shapes: &[(Arc<Shapes>, Pose)]) -> Camera {
     }
     let [min, max] = bounds.unwrap_or([DVec3::splat(-5.0), DVec3::splat(5.0)]);
     Camera::fit(min, max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::Color32;
+
+    #[test]
+    fn a_view_that_is_closed_leaves_no_thread_that_uses_the_driver() {
+        let worker = Worker::start(egui::Context::default()).expect("a thread");
+        let ground = Arc::new(Shapes::ground(DVec3::ZERO, 10.0, 1.0, Color32::WHITE));
+        for number in 1..=3 {
+            let content = Content::Made(Arc::clone(&ground));
+            worker.ask(Request {
+                number,
+                layers: vec![Layer { name: "ground".to_owned(), content, pose: Pose::IDENTITY }],
+                camera: None,
+                size: [64, 48],
+                per_point: 1.0,
+                background: [0.0; 3],
+                palette: MapPalette::Papers,
+            });
+        }
+        drop(worker);
+        assert_eq!(Arc::strong_count(&ground), 1, "the thread holds what it draws as long as it runs");
+    }
 }
