@@ -141,6 +141,11 @@ impl Process for WaypointFollower {
         Self::default()
     }
 
+    /// The active mode is kept until the first cycle after `INIT`, which says that it has ended.
+    fn renew(&self, _params: &WaypointFollowerParams) -> Self {
+        Self { modes: self.modes.clone(), ..Self::default() }
+    }
+
     fn cycle(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), None);
         let local = extrinsics.frames.local;
@@ -201,7 +206,8 @@ impl Process for WaypointFollower {
         self.act(ports, params, &vehicle, mode.as_ref(), held, cx);
     }
 
-    fn init(&mut self, ports: &Ports, _params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
+    fn init(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
+        self.end_mode("initialized", ports, params, cx);
         send(ports, 0.0, 0.0, cx);
         cx.done("initialized");
     }

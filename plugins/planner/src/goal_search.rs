@@ -64,8 +64,8 @@ impl GoalSearch {
         search
     }
 
-    /// Goes on to another place if the vehicle has arrived at this one, does not get there, or has passed most of what it
-    /// was chosen for. Whether it does.
+    /// Goes on to another place if the vehicle has arrived at this one, does not get there, must not drive there any more,
+    /// or has passed most of what it was chosen for. Whether it does.
     pub fn go_on(&mut self, scene: &Scene<'_>, arrived: bool, now: Stamp) -> bool {
         let Some((target, since, worth)) = self.target else { return false };
         let is_late = now.seconds_since(since) > LONGEST_S;
@@ -74,7 +74,9 @@ impl GoalSearch {
         }
         let left = self.left(scene);
         let at = DVec2::from(target);
-        let goes_on = arrived || is_late || near(&left, at, at, scene.within_m) < USED_UP * worth;
+        let is_forbidden = scene.zones.forbid(at);
+        let goes_on =
+            arrived || is_late || is_forbidden || near(&left, at, at, scene.within_m) < USED_UP * worth;
         if goes_on {
             self.choose(&left, scene, now);
         }
@@ -241,6 +243,12 @@ mod tests {
         let ahead = Scene { zones: &zones, ..scene((DVec2::ZERO, 0.0), &[(0.0, 0.0)]) };
         let first = GoalSearch::begin(&ahead, Stamp(0)).target().unwrap();
         assert!(first.x <= 0.4, "{first}");
+
+        let track = [(0.0, 0.0)];
+        let mut search = GoalSearch::begin(&scene((DVec2::ZERO, 0.0), &track), Stamp(0));
+        assert!(search.target().unwrap().x > 0.4, "{search:?}");
+        assert!(search.go_on(&ahead, false, Stamp(0)), "a zone that is added counts at once");
+        assert!(search.target().unwrap().x <= 0.4, "{search:?}");
     }
 
     #[test]

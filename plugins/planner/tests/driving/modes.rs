@@ -129,7 +129,7 @@ fn a_vehicle_that_is_told_to_drive_and_does_not_move_shakes_itself_free() {
 }
 
 #[test]
-fn a_mode_that_another_table_or_halt_ends_is_told_to_have_ended() {
+fn a_mode_that_another_table_halt_or_init_ends_is_told_to_have_ended() {
     let mut bench = start(&FILES);
     let back_up = |bench: &mut Bench| {
         cycle(bench, 0.0, 0.0, free, 12);
@@ -151,10 +151,17 @@ fn a_mode_that_another_table_or_halt_ends_is_told_to_have_ended() {
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
     bench.write("/follower/params", params);
     back_up(&mut bench);
-    let halt = rcs::Command { serial: 100, name: "HALT".to_owned(), ..rcs::Command::default() };
-    bench.write("/follower/command", halt);
-    cycle(&mut bench, 0.0, 0.0, free, 4);
+    let tell = |bench: &mut Bench, serial: u64, name: &str| {
+        let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
+        bench.write("/follower/command", command);
+        cycle(bench, 0.0, 0.0, free, 4);
+    };
+    tell(&mut bench, 100, "HALT");
     assert_ended(&bench, "halted", 4);
+    tell(&mut bench, 101, "RUN");
+    back_up(&mut bench);
+    tell(&mut bench, 102, "INIT");
+    assert_ended(&bench, "initialized", 6);
 }
 
 #[test]
