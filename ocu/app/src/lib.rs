@@ -37,6 +37,7 @@ pub mod info;
 pub mod latency;
 pub mod layout;
 mod layout_fit;
+pub mod memory;
 pub mod offscreen;
 pub mod open;
 mod output;

@@ -2,9 +2,11 @@
 
 use crate::assets::looks_like_path;
 use crate::cli::WindowArgs;
+use crate::memory::Memory;
 use crate::past_args::PastArgs;
 use rcs_runtime::source::{SourceInfo, SourceKind};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// What to open.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -19,6 +21,8 @@ pub struct Request {
     pub course: Option<String>,
     /// Seed of the random numbers.
     pub seed: u64,
+    /// What an earlier run remembers, with which the stack begins.
+    pub memory: Option<Arc<Memory>>,
     /// Limits of the history kept of a run.
     pub past: PastArgs,
     /// Of a run of a sweep: what tells it from the others, and the log that it read.
@@ -50,6 +54,7 @@ impl Request {
             stack: args.stack.clone().or_else(|| alone.then(|| SIMULATION.to_owned())),
             course: args.course.clone(),
             seed: args.seed,
+            memory: args.remembered.clone(),
             past: args.past.clone(),
             run: None,
         }
@@ -81,6 +86,11 @@ impl Request {
         } else {
             Self { log: Some(path.to_owned()), past: current.past.clone(), ..Self::default() }
         }
+    }
+
+    /// The request for the same stack, which begins with what an earlier run remembers. Another seed makes it another run.
+    pub fn remembering(&self, memory: Memory, seed: u64) -> Self {
+        Self { memory: Some(Arc::new(memory)), seed, ..self.clone() }
     }
 
     /// Title of the open source. A stack from a file is called by its file, because copies of a stack, such as one that

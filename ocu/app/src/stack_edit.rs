@@ -11,7 +11,8 @@ use rcs_runtime::{Plan, PlanOptions, StackFile};
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, Value as Toml};
 
 /// The text of a stack file in which a process has these parameters. The result is checked: a stack with the text has
-/// exactly these parameters. `file` is its name in errors.
+/// exactly these parameters. Parameters that hold a file, such as what an earlier run remembers, stay as they are in the
+/// stack: their text is not part of it. `file` is its name in errors.
 pub fn with_params(
     file: &str,
     text: &str,
@@ -21,7 +22,8 @@ pub fn with_params(
 ) -> anyhow::Result<String> {
     let before = params_of(file, text, course, process)?;
     let (old, new) = (before.value()?, wanted.value()?);
-    let specs = before.schema().descriptor().map(specs).unwrap_or_default();
+    let mut specs = before.schema().descriptor().map(specs).unwrap_or_default();
+    specs.retain(|spec| spec.file.is_none());
     let mut document: DocumentMut =
         text.parse().with_context(|| format!("the stack cannot be read: {file}"))?;
     for spec in &specs {
@@ -32,7 +34,8 @@ pub fn with_params(
     }
     let edited = document.to_string();
     let after = params_of(file, &edited, course, process)?;
-    if after.value()? != new {
+    let after = after.value()?;
+    if specs.iter().any(|spec| after.field(&spec.name) != new.field(&spec.name)) {
         bail!("the parameters of {process} cannot all be written into a stack file: {file}");
     }
     Ok(edited)
@@ -243,6 +246,14 @@ mod tests {
         assert!(lines.contains(&"+publish_hz = 2.5".to_owned()), "{lines:?}");
         assert!(lines.iter().any(|line| line.contains("stereo") && line.contains("0.5")), "{lines:?}");
         assert!(lines.iter().all(|line| !line.contains("infrared")), "{lines:?}");
+    }
+
+    #[test]
+    fn a_file_in_force_is_not_written_and_hinders_nothing() {
+        let changes = [("route", "blake3:0123"), ("jump_m", "7.5")];
+        let lines = difference(text("lagr"), &edited("lagr", "waypoint_generator", &changes));
+        assert!(lines.iter().any(|line| line.contains("jump_m = 7.5")), "{lines:?}");
+        assert!(lines.iter().all(|line| !line.contains("blake3")), "{lines:?}");
     }
 
     #[test]

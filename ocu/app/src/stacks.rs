@@ -2,6 +2,7 @@
 
 use crate::assets::{ProgramAssets, looks_like_path, read_text};
 use crate::bundled;
+use crate::memory::Memory;
 use crate::open::{Request, SweptRun};
 use crate::{parts, usage};
 use anyhow::Context as _;
@@ -61,6 +62,23 @@ pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) ->
     Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
 }
 
+/// Like [`plan`], with what an earlier run remembers, as far as the stack has parameters for it.
+pub(crate) fn plan_with(
+    spec: &str,
+    course: Option<&str>,
+    overrides: &[(String, String)],
+    memory: &Memory,
+) -> anyhow::Result<Arc<Plan>> {
+    let plain = plan(spec, course, overrides)?;
+    let remembered = memory.overrides(&plain)?;
+    if remembered.is_empty() {
+        return Ok(plain);
+    }
+    let overrides: Vec<(String, String)> = overrides.iter().cloned().chain(remembered).collect();
+    let options = PlanOptions { overrides: &overrides, course, assets: memory };
+    Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
+}
+
 /// Opens a recording with the message codecs of all plugins: a file, or the files into which it was split, of which the
 /// path is the folder or the first one.
 pub fn open_log(path: impl AsRef<Path>) -> anyhow::Result<Log> {
@@ -91,7 +109,8 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
         }
         return Ok(Box::new(LogSource::new(&log)?));
     };
-    let plan = plan(stack, request.course.as_deref(), &[])?;
+    let memory = request.memory.as_deref().cloned().unwrap_or_default();
+    let plan = plan_with(stack, request.course.as_deref(), &[], &memory)?;
     let log = log_of(request)?;
     let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
@@ -187,3 +206,7 @@ mod tests {
         assert!(named("./absent.toml").unwrap_err().to_string().contains("absent.toml"));
     }
 }
+
+#[cfg(test)]
+#[path = "stacks_memory_tests.rs"]
+mod memory_tests;

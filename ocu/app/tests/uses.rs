@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::window::{frame, open, recording, running, stack, wait_for, wait_until};
+use common::window::{drop_file, frame, open, recording, running, stack, type_text, wait_for, wait_until};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use ocu_app::layout::Layout;
@@ -135,12 +135,7 @@ fn a_run_is_recorded_from_the_window_and_the_file_opens_and_repeats() {
     wait_until(&mut harness, "a while without driving", |frame| frame.time_s() > from + 0.3);
     harness.get_by_label("Record").click();
     harness.run_steps(4);
-    harness.get_by_label("File").focus();
-    harness.run_steps(2);
-    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    harness.run_steps(2);
-    harness.get_by_label("File").type_text(file.to_str().unwrap());
-    harness.run_steps(2);
+    type_text(&mut harness, "File", file.to_str().unwrap());
     harness.get_by_label("Start").click();
     let is_running = |frame: &rcs_runtime::source::Frame| {
         frame.recording.as_ref().is_some_and(|recording| recording.ended.is_none())
@@ -164,6 +159,55 @@ fn a_run_is_recorded_from_the_window_and_the_file_opens_and_repeats() {
     let (code, out, error) = common::ocu(&["run", "--replay", common::text(&file), "--json"]);
     assert_eq!(code, 0, "{out} {error}");
     assert_eq!(common::json(&out)["replay"]["equal"], true, "{out}");
+}
+
+#[test]
+fn what_a_run_remembers_is_saved_and_another_run_begins_with_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let request = ocu_app::open::Request { stack: Some("lagr".to_owned()), ..Default::default() };
+    let layout = Some(Layout::empty());
+    let mut harness = open(Options { request, layout, ..Options::default() });
+    let models = |frame: &rcs_runtime::source::Frame| {
+        let params = frame.topic("/terrain/params")?.latest.as_ref()?.message.value().ok()?;
+        params.field("models").cloned()
+    };
+    wait_until(&mut harness, "its stand", |frame| frame.time_s() > 0.5);
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "a map", |frame| frame.time_s() > 1.5);
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    let of_stack = models(&frame(&harness).unwrap());
+
+    let choose = |harness: &mut egui_kittest::Harness<'_, common::window::State>, seed: u64, name: &str| {
+        harness.get_by_label_contains(&format!("seed {seed}")).click();
+        harness.run_steps(3);
+        harness.get_by_label(name).click();
+        harness.run_steps(4);
+    };
+    choose(&mut harness, 0, "Save what this run remembers…");
+    let file = dir.path().join("remembered.json");
+    type_text(&mut harness, "File", file.to_str().unwrap());
+    harness.get_by_role_and_label(egui::accesskit::Role::Button, "Save").click();
+    wait_for(&mut harness, "the file", |_| file.exists());
+    harness.run_steps(2);
+    assert!(is_told(&harness, "Saved: "));
+
+    choose(&mut harness, 0, "Next run, with what this one remembers");
+    let begins = |frame: &rcs_runtime::source::Frame| models(frame).is_some_and(|now| Some(now) != of_stack);
+    wait_until(&mut harness, "the next run", begins);
+    assert!(is_told(&harness, "meadow, seed 1"));
+    assert!(is_told(&harness, "begins with what an earlier run remembers: "));
+
+    let other = dir.path().join("other.json");
+    std::fs::write(&other, r#"{"format": 2, "remembered": {}}"#).unwrap();
+    drop_file(&mut harness, &other);
+    wait_for(&mut harness, "the reason", |harness| is_told(harness, "format is 2, expected 1"));
+    assert!(is_told(&harness, "meadow, seed 1"), "the run stays");
+
+    let request = ocu_app::open::Request { stack: Some("lagr".to_owned()), ..Default::default() };
+    let mut harness = open(Options { request, layout: Some(Layout::empty()), ..Options::default() });
+    drop_file(&mut harness, &file);
+    wait_until(&mut harness, "a run with the file", begins);
 }
 
 #[test]

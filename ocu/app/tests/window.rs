@@ -4,7 +4,9 @@
 
 mod common;
 
-use common::window::{PATIENCE, STACK, State, frame, harness, open, sample, stack, type_number, wait_for};
+use common::window::{
+    PATIENCE, STACK, State, drop_file, frame, harness, open, sample, stack, type_number, wait_for,
+};
 use egui::{Key, Modifiers};
 use egui_kittest::{Harness, kittest::Queryable};
 use ocu_app::bundled;
@@ -14,7 +16,6 @@ use ocu_app::window::{Options, Window};
 use ocu_views::{RunChoice, SavedState};
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 fn time_s(harness: &Harness<'_, State>) -> Option<f64> {
@@ -60,23 +61,6 @@ fn a_recording_that_cannot_be_opened_is_said_and_the_old_one_stays() {
     harness.get_by_label("Dismiss").click();
     harness.run();
     assert!(harness.query_by_label("Dismiss").is_none());
-}
-
-#[derive(Debug)]
-struct Dropped(std::path::PathBuf);
-
-impl egui::DroppedFile for Dropped {
-    fn path(&self) -> &Path {
-        &self.0
-    }
-
-    fn bytes(&self) -> Result<Vec<u8>, String> {
-        std::fs::read(&self.0).map_err(|error| error.to_string())
-    }
-}
-
-fn drop_file(harness: &mut Harness<'_, State>, path: &Path) {
-    harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
 }
 
 #[test]

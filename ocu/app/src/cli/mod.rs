@@ -24,11 +24,13 @@ pub use tune::TuneArgs;
 pub(crate) use values::parse_values;
 pub use values::{Param, Save, Size, Values};
 
+use crate::memory::{Memory, parse_memory_file};
 use crate::past_args::PastArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eval::EVAL_EXAMPLE;
 use stack::STACK_EXAMPLE;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// The program's arguments.
 #[derive(Debug, Parser)]
@@ -104,6 +106,9 @@ pub struct WindowArgs {
     /// Course that a simulation runs: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "COURSE")]
     pub course: Option<String>,
+    /// What an earlier run remembers, a file that the window saved: the stack begins with it
+    #[arg(long, value_name = "FILE", value_parser = parse_memory_file)]
+    pub remembered: Option<Arc<Memory>>,
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

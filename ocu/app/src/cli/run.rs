@@ -2,9 +2,11 @@
 
 use super::faults::FaultArgs;
 use super::values::{Param, Save, parse_param, parse_save, parse_seconds, parse_what};
+use crate::memory::{Memory, parse_memory_file};
 use clap::Args;
 use rcs_runtime::RecordWhat;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// `ocu run`
 #[derive(Debug, Clone, Args)]
@@ -66,6 +68,9 @@ pub struct RunArgs {
     /// At the end, write the newest message of a buffer to a file, as JSON; may be given several times
     #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
     pub save: Vec<Save>,
+    /// What an earlier run remembers, a file that the window saved: the run begins with it
+    #[arg(long, value_name = "FILE", value_parser = parse_memory_file, conflicts_with = "replay")]
+    pub remembered: Option<Arc<Memory>>,
     /// Seed of the run's random numbers, 0 by default
     #[arg(long)]
     pub seed: Option<u64>,

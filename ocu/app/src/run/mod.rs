@@ -3,18 +3,17 @@
 pub mod acts;
 pub(crate) mod faults;
 mod live;
-mod memory;
 mod replay;
 mod report;
 
 use crate::assets::looks_like_path;
 use crate::cli::{RunArgs, Save};
+use crate::memory::Memory;
 use crate::output::{self, Files};
 use crate::runs::{self, RunReport, Stop};
 use crate::{BUILD, Ended, stacks, usage};
 use acts::Act;
 use anyhow::Context as _;
-use memory::Memory;
 use rcs_log::Log;
 use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
 pub(crate) use report::{Comparison, LogDamage};
@@ -49,7 +48,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         return live::run(args, plan, referee, &acts, out);
     }
     let mut stack = Ready { args, plan, log, acts };
-    let mut memory = Memory::default();
+    let mut memory = remembered(args);
     let mut recordings = recordings(args).into_iter();
     let seed = args.seed.unwrap_or(0);
     let mut runs = Vec::new();
@@ -122,12 +121,17 @@ fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
 fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
     let stack =
         args.stack.as_deref().ok_or_else(|| usage("expected --stack, or --replay with a recording"))?;
-    stacks::plan(stack, args.course.as_deref(), &overrides(args))
+    stacks::plan_with(stack, args.course.as_deref(), &overrides(args), &remembered(args))
 }
 
 /// Parameters of the command line, as `(process.field, value)`.
 fn overrides(args: &RunArgs) -> Vec<(String, String)> {
     args.params.iter().map(crate::cli::Param::to_override).collect()
+}
+
+/// What the command line says that an earlier run remembers.
+fn remembered(args: &RunArgs) -> Memory {
+    args.remembered.as_deref().cloned().unwrap_or_default()
 }
 
 fn has_buffer(plan: &Plan, name: &str) -> bool {
@@ -238,7 +242,8 @@ impl Ready<'_> {
     /// One more run, with what those before remember.
     fn run_again(&mut self, memory: &Memory, seed: u64, recorded: Option<PathBuf>) -> anyhow::Result<Done> {
         if let Some(name) = &self.args.stack {
-            self.plan = memory.plan(name, self.args.course.as_deref(), &overrides(self.args))?;
+            let course = self.args.course.as_deref();
+            self.plan = stacks::plan_with(name, course, &overrides(self.args), memory)?;
         }
         self.run_one(seed, recorded, true)
     }

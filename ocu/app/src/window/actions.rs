@@ -12,6 +12,7 @@ use super::top_state::TopBarAction;
 use super::tree::Workspace;
 use crate::layout::Layout;
 use crate::layout_fit::fitting;
+use crate::memory::Memory;
 use crate::open::Request;
 use crate::say;
 use rcs_runtime::source::{Control, Frame, SourceKind};
@@ -42,15 +43,45 @@ impl Window {
         }
     }
 
-    /// Opens a recording, a stack or a layout.
+    /// Opens a recording, a stack, a layout, or what a run remembers.
     pub(super) fn open_path(&mut self, path: &Path) {
-        if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("ron")) {
-            return self.opener.open(Request::dropped(path, &self.current));
+        let is = |ending: &str| path.extension().is_some_and(|known| known.eq_ignore_ascii_case(ending));
+        if is("json") {
+            self.open_memory(path);
+        } else if is("ron") {
+            match Layout::load(path) {
+                Ok(layout) => self.choose(&layout),
+                Err(error) => self.notices.error(Matter::Layout, say(&error)),
+            }
+        } else {
+            self.opener.open(Request::dropped(path, &self.current));
         }
-        match Layout::load(path) {
-            Ok(layout) => self.choose(&layout),
-            Err(error) => self.notices.error(Matter::Layout, say(&error)),
+    }
+
+    /// Starts the stack again with what an earlier run remembers, a file.
+    fn open_memory(&mut self, path: &Path) {
+        if self.current.stack.is_none() {
+            let text = format!("open a stack first, which reads what a run remembers: {}", path.display());
+            return self.notices.error(Matter::Open, text);
         }
+        match Memory::load(path) {
+            Ok(memory) => self.opener.open(self.current.remembering(memory, self.current.seed)),
+            Err(error) => self.notices.error(Matter::Open, say(&error)),
+        }
+    }
+
+    /// What this run and those before it remember; says so if that is nothing.
+    fn remembered(&mut self, frame: Option<&Frame>) -> Option<Memory> {
+        let mut memory = self.current.memory.as_deref().cloned().unwrap_or_default();
+        match frame.map(Memory::of_frame)? {
+            Ok(later) => memory.add(later),
+            Err(error) => self.notices.error(Matter::Run, say(&error)),
+        }
+        if memory.is_empty() {
+            let text = "this run remembers nothing yet; expected a map, a route, slippery places or models";
+            self.notices.error(Matter::Run, text);
+        }
+        Some(memory).filter(|memory| !memory.is_empty())
     }
 
     /// Carries out the commands of the keys that were pressed; returns whether there was any.
@@ -87,6 +118,20 @@ impl Window {
             Command::Keys => self.key_list.toggle(),
             Command::Palette => self.palette.toggle(),
             Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
+            Command::NextRun => {
+                if let Some(memory) = self.remembered(frame) {
+                    let next = self.current.remembering(memory, self.current.seed.wrapping_add(1));
+                    self.open_asking(next, controls);
+                }
+            }
+            Command::SaveMemory => {
+                let saved = self.remembered(frame).map(|memory| memory.to_text());
+                match saved {
+                    None => {}
+                    Some(Ok(text)) => self.dialogs.save_file.ask("remembered.json", text.into_bytes().into()),
+                    Some(Err(error)) => self.notices.error(Matter::Run, say(&error)),
+                }
+            }
             Command::TakeBack => controls.push(Control::Undo),
             Command::Silence => {
                 self.alarm_sound.silence(frame.and_then(alarm_sound::newest).unwrap_or_default());

@@ -217,6 +217,11 @@ impl Window {
             // A stack has nothing to show until it runs.
             driver.send(Control::Play);
         }
+        if let Some(memory) = request.memory.as_deref().filter(|_| request.stack.is_some()) {
+            let names: Vec<&str> = memory.names().collect();
+            let text = format!("begins with what an earlier run remembers: {}", names.join(", "));
+            self.notices.news(Matter::Run, text);
+        }
         if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
             memory::close(old);
         }

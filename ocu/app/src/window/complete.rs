@@ -1,4 +1,4 @@
-//! Completion of paths: the folders, recordings, stacks and layouts that begin with what was typed.
+//! Completion of paths: the folders, and the files that the window opens, that begin with what was typed.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
@@ -8,7 +8,9 @@ const MOST: usize = 8;
 /// Most entries of a folder that are looked at.
 const MOST_READ: usize = 20_000;
 /// Endings of files that can be opened.
-const ENDINGS: [&str; 3] = ["mcap", "toml", "ron"];
+const ENDINGS: [&str; 4] = ["mcap", "toml", "ron", "json"];
+/// Ending of bookmarks, which belong to a recording and are opened with it.
+const BOOKMARKS: &str = ".marks.json";
 
 /// What is offered for a text.
 #[derive(Debug, Default)]
@@ -81,7 +83,8 @@ fn matches(text: &str) -> Vec<String> {
             let is_folder = entry.path().is_dir();
             let can_open = Path::new(&name)
                 .extension()
-                .is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)));
+                .is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
+                && !name.ends_with(BOOKMARKS);
             (is_folder || can_open).then(|| format!("{typed}{name}{}", if is_folder { "/" } else { "" }))
         })
         .collect();
@@ -97,7 +100,15 @@ mod tests {
     #[test]
     fn folders_and_what_can_be_opened_are_offered_by_their_beginning() {
         let dir = tempfile::tempdir().unwrap();
-        for file in ["drive_1.mcap", "Drive_2.MCAP", "drive.txt", ".drive.mcap", "other.toml"] {
+        for file in [
+            "drive_1.mcap",
+            "Drive_2.MCAP",
+            "drive.txt",
+            "drive_1.marks.json",
+            ".drive.mcap",
+            "other.toml",
+            "remembered.json",
+        ] {
             std::fs::write(dir.path().join(file), "").unwrap();
         }
         std::fs::create_dir(dir.path().join("drives")).unwrap();
@@ -108,6 +119,7 @@ mod tests {
         };
         assert_eq!(offered("dri"), ["Drive_2.MCAP", "drive_1.mcap", "drives/"]);
         assert_eq!(offered(".d"), [".drive.mcap"]);
+        assert_eq!(offered("rem"), ["remembered.json"]);
         assert_eq!(offered("x"), Vec::<String>::new());
         assert_eq!(matches(&format!("{base}none/x")), Vec::<String>::new());
         let found = vec![format!("{base}drive_1.mcap"), format!("{base}drives/")];

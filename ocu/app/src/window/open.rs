@@ -115,7 +115,7 @@ impl Opener {
         }
         let dialog = self.dialog.as_mut()?;
         let (mut chosen, mut open, mut browse) = (None, true, false);
-        egui::Window::new("Open a recording, a stack or a layout")
+        egui::Window::new("Open a recording, a stack, a layout or what a run remembers")
             .collapsible(false)
             .resizable(false)
             .default_width(520.0)
@@ -203,7 +203,10 @@ impl Opener {
             let start = Instant::now();
             let chosen = rfd::FileDialog::new()
                 .set_title("Open a recording or a stack")
-                .add_filter("Recordings, stacks and layouts", &["mcap", "toml", "ron"])
+                .add_filter(
+                    "Recordings, stacks, layouts, what runs remember",
+                    &["mcap", "toml", "ron", "json"],
+                )
                 .add_filter("All files", &["*"])
                 .pick_file();
             let _ = sender.send((chosen, start.elapsed()));

@@ -82,6 +82,7 @@ pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actio
                 if response.clicked() {
                     actions.push(TopBarAction::Open(Request {
                         stack: stack.map(str::to_owned),
+                        memory: None,
                         ..current.clone()
                     }));
                     ui.close();
@@ -120,8 +121,8 @@ pub(super) fn course_menu(
         ui.set_min_width(200.0);
         for course in bundled::names("course") {
             if ui.selectable_label(course == running, course).clicked() {
-                actions
-                    .push(TopBarAction::Open(Request { course: Some(course.to_owned()), ..current.clone() }));
+                let course = Some(course.to_owned());
+                actions.push(TopBarAction::Open(Request { course, memory: None, ..current.clone() }));
                 ui.close();
             }
         }
@@ -132,11 +133,19 @@ pub(super) fn course_menu(
             let label = ui.label("Seed");
             ui.add(egui::DragValue::new(&mut seed).speed(0.1)).labelled_by(label.id);
             if ui.button("Start with it").clicked() {
-                actions.push(TopBarAction::Open(Request { seed, ..current.clone() }));
+                actions.push(TopBarAction::Open(Request { seed, memory: None, ..current.clone() }));
                 ui.close();
             }
         });
         ui.data_mut(|data| data.insert_temp(id, seed));
+        ui.separator();
+        for command in [Command::NextRun, Command::SaveMemory] {
+            let Some(entry) = entry_of(command) else { continue };
+            if ui.button(entry.name).clicked() {
+                actions.push(TopBarAction::Run(command));
+                ui.close();
+            }
+        }
     });
     response
         .on_hover_text("The course, and the seed of all that is random: the same seed gives the same run");

@@ -112,6 +112,34 @@ pub(crate) fn wait_for(
     }
 }
 
+#[derive(Debug)]
+struct Dropped(std::path::PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+/// Drops a file on the window.
+pub(crate) fn drop_file(harness: &mut Harness<'_, State>, path: &Path) {
+    harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
+}
+
+/// Replaces the text of the field with this label.
+pub(crate) fn type_text(harness: &mut Harness<'_, State>, label: &str, text: &str) {
+    harness.get_by_label(label).focus();
+    harness.run_steps(2);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.run_steps(2);
+    harness.get_by_label(label).type_text(text);
+    harness.run_steps(2);
+}
+
 /// Types the number of a parameter.
 pub(crate) fn type_number(harness: &mut Harness<'_, State>, name: &str, text: &str) {
     harness.get_by_role_and_label(Role::SpinButton, name).click();

@@ -107,8 +107,10 @@ impl Worker {
     }
 
     pub(super) fn ask(&self, request: Request) {
-        // Where the thread has ended, its last answer says why.
-        let _ = self.requests.as_ref().map(|requests| requests.send(request));
+        if let Some(requests) = &self.requests {
+            // Where the thread has ended, its last answer says why.
+            let _ = requests.send(request);
+        }
     }
 
     /// The newest picture since the last call.
