@@ -362,7 +362,8 @@ impl WaypointGenerator {
             return self.forbid(ports, format!("the planners cannot be told: {error}: stands"), cx);
         }
         (self.zones, self.forbidden) = (zones, None);
-        let order = |at: DVec2| PlannerCommand::PlanTo(to(at, &order));
+        let order =
+            |at: DVec2| PlannerCommand::PlanTo(PlannerGoal { is_passed: at != local, ..to(at, &order) });
         cx.send(&ports.children.planner, order(near));
         self.near_told = Some((near.x, near.y));
         if goal_moved {

@@ -1,10 +1,11 @@
 //! A plan: the cheapest path with the terms of its cost, and the cheapest path elsewhere with its terms.
 
-use crate::costs::{BLOCKED, CostGrid, CostGridError};
+use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
 use crate::search::{NoPath, Path, Place, Search};
 use crate::sensed::Sensed;
 use crate::terrain::{Past, Rules, Terms, Terrain};
 use rcs_geom::{DVec2, Pose};
+use std::collections::BTreeSet;
 
 /// What is planned.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,8 @@ pub struct Task<'a> {
     pub goal: DVec2,
     /// If the goal's cell is blocked, the nearest free one within this distance is planned to, m.
     pub approach_m: f64,
+    /// Whether the goal is a point of a longer path, which the vehicle passes.
+    pub is_passed: bool,
     /// What the planner remembers.
     pub past: Past<'a>,
     /// How far the rejected path stays from the middle half of the chosen one, m.
@@ -111,11 +114,21 @@ impl Planner {
         let mut end = sensed.place(position + towards).ok_or(NoPlan::TooFar(goal))?;
         let mut short_of_goal_m = 0.0;
         if costs.get(end) == Some(BLOCKED) {
-            let free = Terrain::nearest_free(sensed, &costs, goal, approach_m);
+            let free = Terrain::nearest_free(sensed, &costs, goal, approach_m, |_| true);
             end = free.ok_or(NoPlan::GoalBlocked { goal, within_m: approach_m })?;
             short_of_goal_m = sensed.centre(end).distance(goal);
         }
-        self.search.path(&costs, start, end, rules.unknown, &mut self.path).map_err(NoPlan::NoPath)?;
+        let found = self.search.path(&costs, start, end, rules.unknown, &mut self.path);
+        let is_closed = found == Err(NoPath::NotConnected);
+        if is_closed && !task.is_passed && is_inside_obstacle(&costs, end, task) {
+            let is_reached = |place: Place| self.search.has_reached(place);
+            let free = Terrain::nearest_free(sensed, &costs, goal, approach_m, is_reached);
+            end = free.ok_or(NoPlan::GoalBlocked { goal, within_m: approach_m })?;
+            short_of_goal_m = sensed.centre(end).distance(goal);
+            self.search.path(&costs, start, end, rules.unknown, &mut self.path).map_err(NoPlan::NoPath)?;
+        } else {
+            found.map_err(NoPlan::NoPath)?;
+        }
         let mut plan = Plan {
             chosen: self.candidate(task, &costs, rules),
             rejected: None,
@@ -153,6 +166,39 @@ impl Planner {
         candidate.cost += candidate.beyond_cost;
         candidate
     }
+}
+
+/// Whether a cell that is not blocked lies inside of an obstacle of which only the outside is seen: all cells that are
+/// connected with it lie within the approach to the goal, none at the edge of the map, and most are unknown. A clearing
+/// that is seen is none.
+fn is_inside_obstacle(costs: &CostGrid, from: Place, task: &Task<'_>) -> bool {
+    let sensed = task.sensed;
+    let is_inside = |place: Place| {
+        let at_edge = place.column == 0
+            || place.row == 0
+            || place.column + 1 == costs.columns() as i32
+            || place.row + 1 == costs.rows() as i32;
+        !at_edge && sensed.centre(place).distance(task.goal) <= task.approach_m
+    };
+    if !costs.contains(from) {
+        return false;
+    }
+    let mut seen = BTreeSet::from([(from.column, from.row)]);
+    let (mut left, mut known) = (vec![from], 0);
+    while let Some(place) = left.pop() {
+        if !is_inside(place) {
+            return false;
+        }
+        known += usize::from(sensed.fused[sensed.index(place)] <= MAX_COST);
+        for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
+            let next = Place::new(place.column + dx, place.row + dy);
+            let is_free = costs.get(next).is_some_and(|cost| cost != BLOCKED);
+            if is_free && seen.insert((next.column, next.row)) {
+                left.push(next);
+            }
+        }
+    }
+    2 * known < seen.len()
 }
 
 /// Blocks the surroundings of the middle half of a path.
@@ -256,6 +302,7 @@ mod tests {
             vehicle: &vehicle,
             goal,
             approach_m: 0.5,
+            is_passed: false,
             past: Past::default(),
             alternative_m: 1.5,
         };
@@ -306,6 +353,41 @@ mod tests {
         assert!(beside.short_of_goal_m > 0.05 && beside.short_of_goal_m < 0.5);
         let error = plan(&wall, DVec2::new(3.0, 0.0)).unwrap_err();
         assert!(error.to_string().contains("inside of an obstacle"), "{error}");
+    }
+
+    #[test]
+    fn a_goal_inside_of_an_obstacle_that_is_seen_from_outside_is_told_and_one_in_a_clearing_has_no_way() {
+        let ring = |inside: u8| {
+            let mut sensed = with_wall(20.0, 20.0);
+            for at in 0..sensed.fused.len() {
+                let centre = sensed.centre(Place::new((at % 101) as i32, (at / 101) as i32));
+                let away_m = centre.distance(DVec2::new(6.0, 0.0));
+                sensed.fused[at] = if away_m < 1.5 { inside } else { 0 };
+                sensed.fused[at] = if (1.5..2.0).contains(&away_m) { 250 } else { sensed.fused[at] };
+            }
+            sensed
+        };
+        let plan = |sensed: &Sensed, is_passed: bool| {
+            let vehicle = Pose::from_xy_yaw(0.05, 0.05, 0.0);
+            let goal = DVec2::new(6.0, 0.0);
+            let past = Past::default();
+            let task = Task {
+                sensed,
+                vehicle: &vehicle,
+                goal,
+                approach_m: 4.0,
+                is_passed,
+                past,
+                alternative_m: 1.5,
+            };
+            Planner::default().plan(&task, &rules())
+        };
+        let closed = Err(NoPlan::NoPath(NoPath::NotConnected));
+        let unknown = ring(255);
+        let beside = plan(&unknown, false).unwrap();
+        assert!((2.0..3.0).contains(&beside.short_of_goal_m), "{}", beside.short_of_goal_m);
+        assert_eq!(plan(&unknown, true), closed, "a point of a path that leads through an obstacle");
+        assert_eq!(plan(&ring(0), false), closed, "a clearing");
     }
 
     #[test]

@@ -35,6 +35,8 @@ pub struct AStarPlanner {
     localizer: Localizer,
     /// Local frame, m.
     goal: Option<(f64, f64)>,
+    /// Whether the goal is a point of a longer path.
+    is_passed: bool,
     /// A way to the goal that an earlier run has driven, local frame, m.
     route: Vec<(f64, f64)>,
     /// Places that the vehicle could not get over, local frame, m.
@@ -129,6 +131,7 @@ impl Process for AStarPlanner {
         while let Some(command) = cx.next_command::<Self>() {
             let PlannerCommand::PlanTo(goal) = command;
             self.goal = Some((goal.x_m, goal.y_m));
+            self.is_passed = goal.is_passed;
             self.route = goal.route.iter().map(|point| (point.x_m, point.y_m)).collect();
             self.barred = goal.barred.iter().map(Barred::from).collect();
             match zones(&goal) {
@@ -237,6 +240,7 @@ impl AStarPlanner {
             vehicle,
             goal,
             approach_m: params.approach_m.max(params.goal_radius_m),
+            is_passed: self.is_passed,
             past: Past {
                 route: &route,
                 previous: &previous,

@@ -186,6 +186,11 @@ impl Search {
         Ok(())
     }
 
+    /// Whether the last search, which found no path, reached a cell: all that are connected with its start were.
+    pub fn has_reached(&self, place: Place) -> bool {
+        self.reached.get(self.cell(place)).is_some_and(|&cost| cost != UNREACHED)
+    }
+
     /// Copies the costs, and finds which steps are allowed.
     fn prepare(&mut self, costs: &CostGrid) {
         let (columns, rows) = (costs.columns(), costs.rows());

@@ -447,8 +447,15 @@ impl Terrain {
         })
     }
 
-    /// The nearest cell that is not blocked within a distance of a position, m; ties go to the first by rows.
-    pub fn nearest_free(sensed: &Sensed, costs: &CostGrid, position: DVec2, within_m: f64) -> Option<Place> {
+    /// The nearest cell within a distance of a position, m, that is not blocked and that `would_do`; ties go to the first
+    /// by rows.
+    pub fn nearest_free(
+        sensed: &Sensed,
+        costs: &CostGrid,
+        position: DVec2,
+        within_m: f64,
+        would_do: impl Fn(Place) -> bool,
+    ) -> Option<Place> {
         let middle = sensed.place(position)?;
         let reach = (within_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
         let around = -reach..=reach;
@@ -457,7 +464,8 @@ impl Terrain {
             .flat_map(|dr| around.clone().map(move |dc| Place::new(middle.column + dc, middle.row + dr)));
         let free = places.filter(|&place| costs.get(place).is_some_and(|cost| cost != BLOCKED));
         let distances = free.map(|place| (sensed.centre(place).distance(position), place));
-        let near = distances.filter(|&(distance_m, place)| distance_m <= within_m || place == middle);
+        let near = distances
+            .filter(|&(distance_m, place)| (distance_m <= within_m || place == middle) && would_do(place));
         near.reduce(|best, other| if other.0 < best.0 { other } else { best }).map(|(_, place)| place)
     }
 }

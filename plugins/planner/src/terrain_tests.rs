@@ -144,7 +144,8 @@ fn the_terms_of_every_cell_add_up_to_its_cost() {
 fn the_nearest_free_cell_is_found_within_the_distance() {
     let sensed = with_obstacle(0.0, 0.0);
     let (_, costs) = costs(&sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &rules());
-    let near = |x_m, within_m| Terrain::nearest_free(&sensed, &costs, DVec2::new(x_m, 0.05), within_m);
+    let near =
+        |x_m, within_m| Terrain::nearest_free(&sensed, &costs, DVec2::new(x_m, 0.05), within_m, |_| true);
     assert_eq!(near(0.0, 0.3), None);
     assert_eq!(near(0.1, 0.8), Some(at(0.4, 0.4)));
     assert_eq!(near(2.0, 0.0), Some(at(2.0, 0.0)));

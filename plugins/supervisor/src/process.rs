@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 rcs_runtime::commands! {
     /// Commands of [`Supervisor`].
     pub enum SupervisorCommand {
-        Save = "SAVE": "Save the map memory now.",
-        Clear = "CLEAR": "Forget the maps and the map memory.",
+        Save = "SAVE": "Write the map memory to its buffer now, and not only every few seconds.",
+        Clear = "CLEAR": "Forget the maps and the map memory. What was learned of the terrain around is stated again.",
     }
 }
 
@@ -26,7 +26,7 @@ rcs_runtime::commands! {
 rcs_runtime::commands! {
     /// Commands of a child that keeps a map from one run to the next.
     pub enum MemoryCommand {
-        Save = "SAVE": "Save the map now.",
+        Save = "SAVE": "Write the map to its buffer now.",
         Clear = "CLEAR": "Forget the remembered map.",
     }
 }

@@ -287,6 +287,26 @@ fn a_goal_inside_of_an_obstacle_is_approached_and_it_stops_beside_it() {
 }
 
 #[test]
+fn a_goal_inside_of_an_obstacle_of_which_only_the_outside_is_seen_is_approached_and_no_mode_drives_into_it() {
+    let mut bench = start(&FILES);
+    let shed = |at: DVec2| match at.distance(DVec2::new(10.0, 0.0)) {
+        inside if inside < 1.4 => 255,
+        wall if wall < 2.0 => 250,
+        _ => 0,
+    };
+    cycle(&mut bench, 0.0, 0.0, shed, 12);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    assert!(status(&bench, "planner").1.starts_with("the goal is blocked, plans to "), "{}", story(&bench));
+    let path: PosesInFrame = bench.latest("/planner/path");
+    let end = path.poses.last().unwrap().position.unwrap();
+    cycle_at(&mut bench, &Pose::from_xy_yaw(end.x, end.y, 0.0), shed, 200);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Error && text.contains("inside of an obstacle: stands"), "{text}");
+    assert_ne!(modes::mode(&bench).0, "AGGRESSIVE", "no mode drives into it");
+}
+
+#[test]
 fn a_goal_that_jumps_stops_it_until_it_is_back() {
     let mut bench = start(&FILES);
     cycle(&mut bench, 0.0, 0.0, free, 12);
