@@ -31,6 +31,12 @@ impl Process for World {
     }
 
     fn check(params: &Self::Params) -> Result<(), String> {
+        if params.world.is_empty() && params.course.contains("needs") {
+            return Err("world: got no text, expected that of a world".to_owned());
+        }
+        if params.world.contains("wet") {
+            return Err("world: got a sea, expected land".to_owned());
+        }
         let line = params.world.lines().position(|line| line.contains("bad"));
         line.map_or(Ok(()), |line| Err(format!("world: line {}, hills: got bad, expected good", line + 1)))
     }
@@ -80,8 +86,12 @@ impl Assets for Shelf {
             ("course", "easy") => "name = \"easy\"\nworld = \"flat\"\n",
             ("course", "lost") => "name = \"lost\"\nworld = \"atlantis\"\n",
             ("course", "broken") => "name = \n",
+            ("course", "bare") => "name = \"needs a world\"\n",
+            ("course", "blank") => "name = \"needs a world\"\nworld = \"empty\"\n",
             ("world", "flat") => "hills = 0\n",
             ("world", "steep") => "hills = 9\n",
+            ("world", "empty") => "",
+            ("world", "wet") => "name = \"wet\"\n",
             ("world", "spoiled") => "name = \"spoiled\"\nhills = bad\n",
             _ => return Err(format!("no {kind} {name:?} beside {beside:?}")),
         };
@@ -177,6 +187,17 @@ fn what_is_wrong_with_a_file_is_said_of_that_file() {
     );
     assert!(error(Some("broken"), "").starts_with("courses/broken.toml:1: "));
     assert_eq!(error(None, "world = \"spoiled\""), "worlds/spoiled.toml:2: hills: got bad, expected good");
+    assert_eq!(error(None, "world = \"wet\""), "worlds/wet.toml:1: got a sea, expected land");
+}
+
+#[test]
+fn a_file_that_a_course_lacks_is_said_of_the_course_and_an_empty_one_of_that_file() {
+    let error = |course, params| plan(Some(course), &stack("", params, ""), &[]).unwrap_err();
+    let expected = "got no text, expected that of a world";
+    assert_eq!(error("bare", ""), format!("courses/bare.toml:1: world: {expected}"));
+    assert_eq!(error("blank", ""), format!("worlds/empty.toml:1: {expected}"));
+    // The course is not to blame for the file of the stack.
+    assert_eq!(error("bare", "world = \"empty\""), format!("test.toml:5: world: {expected}"));
 }
 
 #[test]

@@ -16,7 +16,11 @@ impl Origin {
     /// Parses the table `[origin]` of a world file: `zone`, `north` (default true), `easting_m` and `northing_m`. The
     /// rest of the file belongs to the simulation and is ignored.
     pub fn from_toml(text: &str) -> Result<Origin, String> {
-        let file: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
+        let file: toml::Table = toml::from_str(text).map_err(|error: toml::de::Error| {
+            let start = error.span().map_or(0, |span| span.start);
+            let line = 1 + text.bytes().take(start).filter(|&byte| byte == b'\n').count();
+            format!("line {line}, {}", error.message().trim())
+        })?;
         let table = file.get("origin").and_then(toml::Value::as_table);
         let table = table.ok_or("origin is missing, expected a table with zone, easting_m and northing_m")?;
         let number = |key: &str| {
@@ -60,7 +64,8 @@ mod tests {
     #[test]
     fn a_file_without_a_sound_origin_is_refused_with_the_key() {
         for (text, expected) in [
-            ("a = ", "line 1"),
+            ("a = ", "line 1, "),
+            ("a = 1\nb = ", "line 2, "),
             ("a = 1", "origin is missing"),
             ("[origin]\nzone = 18\neasting_m = 'x'\nnorthing_m = 1.0", "origin.easting_m is"),
             ("[origin]\nzone = 300\neasting_m = 1.0\nnorthing_m = 1.0", "origin.zone is"),

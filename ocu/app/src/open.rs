@@ -89,6 +89,7 @@ impl Request {
     }
 
     /// The request for the same stack, which begins with what an earlier run remembers. Another seed makes it another run.
+    #[must_use]
     pub fn remembering(&self, memory: Memory, seed: u64) -> Self {
         Self { memory: Some(Arc::new(memory)), seed, ..self.clone() }
     }

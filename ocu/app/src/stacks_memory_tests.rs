@@ -61,7 +61,7 @@ fn what_a_run_remembers_is_a_parameter_of_the_next_one() {
     assert!(text.contains("308310"), "{text}");
     let wrong = with(&ROUTE.replace("1,", "7,"));
     let refused = plan_with("lagr", Some("hill"), &[], &wrong).unwrap_err();
-    assert!(refused.to_string().contains("route: format is 7, expected 1"), "{refused}");
+    assert!(refused.to_string().contains("route of an earlier run:1: format is 7, expected 1"), "{refused}");
     let refused = plan_with("simulation", None, &[], &with(ROUTE)).unwrap_err().to_string();
     assert!(refused.contains("simulation") && refused.contains("waypoint_generator.route"), "{refused}");
 }

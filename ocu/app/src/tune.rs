@@ -1,4 +1,4 @@
-//! `ocu tune`: learns the weights of a world model from a drive, and writes them into a stack file.
+//! `ocu tune`: learns the weights of a world model from a drive, and writes them into a stack file if they are kept.
 
 use crate::cli::{Param, TuneArgs};
 use crate::eval::told;
@@ -23,7 +23,8 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         options: stacks::options(),
     };
     let tuned = tune::tune(&job, &log).map_err(told)?;
-    if let Some(path) = &args.output {
+    let kept = tuned.report.kept;
+    if let Some(path) = args.output.as_ref().filter(|_| kept) {
         let (file, text) = stacks::text_of(&args.stack)?;
         let course = args.course.as_deref();
         let text = stack_edit::with_params(&file, &text, course, &tuned.report.process, &tuned.params)?;
@@ -35,8 +36,10 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         return Ok(Ended::after(Some(&log)));
     }
     write!(out, "{}", tuned.report)?;
-    if let (Some(path), true) = (&args.output, tuned.report.kept) {
-        writeln!(out, "written to {}", path.display())?;
+    match &args.output {
+        Some(path) if kept => writeln!(out, "written to {}", path.display())?,
+        Some(_) => writeln!(out, "nothing is written")?,
+        None => {}
     }
     Ok(Ended::after(Some(&log)))
 }

@@ -378,6 +378,8 @@ fn eval_obstacles_judges_the_maps_of_a_recorded_simulation() {
     assert!(code == 0 && out.contains("arcs of 3 m") && out.contains("free called blocked"), "{out}");
     let (code, _, errors) = ocu(&["eval", "obstacles", &run, "--map", "/nowhere"]);
     assert!(code == 2 && errors.contains("no topic /nowhere"), "{errors}");
+    let (code, _, errors) = ocu(&["eval", "obstacles", &run, "--width", "0"]);
+    assert!(code == 2 && errors.contains("expected more than 0"), "{errors}");
 }
 
 /// A brown path (label 7) in green grass (1) under a sky (2), and a strip of no label (255); image and label files.

@@ -43,6 +43,20 @@ fn depth_without_calibration() -> (tempfile::TempDir, PathBuf, PathBuf) {
 }
 
 #[test]
+fn a_buffer_to_which_nothing_was_written_is_told_and_hinders_neither_other_files_nor_more_runs() {
+    let dir = tempfile::tempdir().unwrap();
+    let [nothing, imu] = ["teleop.json", "imu.json"].map(|name| dir.path().join(name));
+    let saves = [format!("/operator/teleop={}", text(&nothing)), format!("/vehicle/imu={}", text(&imu))];
+    let run =
+        ["run", "--stack", "simulation", "--course", "meadow", "--until", "0.5", "--runs", "2", "--json"];
+    let (code, out, errors) = ocu(&[&run[..], &["--save", &saves[0], "--save", &saves[1]]].concat());
+    assert_eq!(code, 1, "{errors}");
+    assert!(errors.contains("nothing was ever written to /operator/teleop"), "{errors}");
+    assert_eq!(json(&out)["runs"].as_array().unwrap().len(), 2, "{out}");
+    assert!(imu.exists() && !nothing.exists());
+}
+
+#[test]
 fn a_process_that_can_use_none_of_its_messages_is_told_and_can_be_made_an_error() {
     let (_dir, log, stack) = depth_without_calibration();
     let run = ["run", "--stack", text(&stack), "--log", text(&log)];
@@ -356,7 +370,11 @@ fn weights_that_the_other_half_of_a_drive_cannot_check_are_not_kept() {
         let log = dir.path().join(format!("{half}.mcap"));
         // Near the end of a stretch of ten seconds, so that what was said of them before is in it, too.
         maps_of_a_drive(&log, |second| second / 10 == half && second % 10 >= 8);
-        ocu(&["tune", "--log", text(&log), "--stack", "lagr"])
+        let stack = dir.path().join("tuned.toml");
+        std::fs::write(&stack, "an earlier one").unwrap();
+        let done = ocu(&["tune", "--log", text(&log), "--stack", "lagr", "--force", "-o", text(&stack)]);
+        assert_eq!(std::fs::read_to_string(&stack).unwrap(), "an earlier one");
+        done
     });
     // The other one has the obstacles in the half on which weights are fitted.
     told.sort_by_key(|(code, ..)| *code);
@@ -365,4 +383,5 @@ fn weights_that_the_other_half_of_a_drive_cannot_check_are_not_kept() {
     let (code, out, errors) = &told[0];
     assert_eq!(*code, 0, "{errors}");
     assert!(out.contains("not kept: the half that they were not fitted to has "), "{out}");
+    assert!(out.ends_with("\nnothing is written\n"), "{out}");
 }

@@ -1,6 +1,6 @@
 //! Conversion between models, their message, and its JSON file.
 
-use crate::histogram::{BINS, Histogram};
+use crate::histogram::{BINS, CELLS, Histogram};
 use crate::models::{Model, Models};
 use crate::proto::{ColorModel, ColorModelKind, ColorModels};
 use rcs_msg::Stamp;
@@ -12,11 +12,11 @@ pub enum FileError {
     /// The text is not JSON of `rcs.ColorModels`.
     #[error(transparent)]
     Json(#[from] rcs_msg::JsonError),
-    /// A histogram is invalid.
+    /// A histogram has other bins, or another number of counts.
     #[error(
-        "model {name:?} has {got} counts of {red_bins}x{green_bins} bins, expected {BINS}x{BINS} of them, not negative, and not all 0"
+        "model {name:?} has {got} counts of {red_bins}x{green_bins} bins, expected {CELLS} of {BINS}x{BINS}"
     )]
-    Counts {
+    Bins {
         /// Name of the model.
         name: String,
         /// Number of counts in the file.
@@ -25,6 +25,14 @@ pub enum FileError {
         red_bins: u32,
         /// Number of green bins in the file.
         green_bins: u32,
+    },
+    /// The counts of a histogram are none.
+    #[error("model {name:?}: {what}")]
+    Counts {
+        /// Name of the model.
+        name: String,
+        /// What was found and expected.
+        what: String,
     },
     /// The kind of a model is unknown.
     #[error("model {name:?} is of kind {kind}, expected 0 to 2")]
@@ -62,15 +70,8 @@ pub fn parse(text: &str) -> Result<Models, FileError> {
 pub fn from_message(message: &ColorModels) -> Result<Models, FileError> {
     let mut models = Models::default();
     for model in &message.models {
-        let ColorModel { name, kind, red_bins, green_bins, counts, uses, .. } = model;
-        let size_fits = [*red_bins, *green_bins] == [BINS as u32; 2];
-        let histogram =
-            Histogram::from_counts(counts).filter(|_| size_fits).ok_or_else(|| FileError::Counts {
-                name: name.clone(),
-                got: counts.len(),
-                red_bins: *red_bins,
-                green_bins: *green_bins,
-            })?;
+        let ColorModel { name, kind, uses, .. } = model;
+        let histogram = histogram_of(model)?;
         let updated = model.updated.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
         let sample = model.sample.as_ref().map(Sample::of).transpose();
         let sample = sample.map_err(|error| FileError::Sample { name: name.clone(), error })?;
@@ -88,6 +89,29 @@ pub fn from_message(message: &ColorModels) -> Result<Models, FileError> {
         }
     }
     Ok(models)
+}
+
+/// The histogram of a model.
+fn histogram_of(model: &ColorModel) -> Result<Histogram, FileError> {
+    let ColorModel { name, red_bins, green_bins, counts, .. } = model;
+    let (name, got, red_bins, green_bins) = (name.clone(), counts.len(), *red_bins, *green_bins);
+    if got != CELLS || [red_bins, green_bins] != [BINS as u32; 2] {
+        return Err(FileError::Bins { name, got, red_bins, green_bins });
+    }
+    Histogram::from_counts(counts).ok_or_else(|| FileError::Counts { name, what: wrong_of(counts) })
+}
+
+/// What is wrong with the counts of a histogram.
+fn wrong_of(counts: &[f32]) -> String {
+    let is_wrong = |count: f32| !(count.is_finite() && count >= 0.0);
+    if let Some((index, count)) = counts.iter().enumerate().find(|(_, count)| is_wrong(**count)) {
+        return format!("count {index} is {count}, expected a finite number from 0 up");
+    }
+    let sum: f64 = counts.iter().map(|&count| f64::from(count)).sum();
+    if sum > 0.0 {
+        return format!("the counts add up to {sum:.1e}, expected at most {:.1e}", f32::MAX);
+    }
+    "all counts are 0, expected some above 0".to_owned()
 }
 
 /// Converts models to a message: ground, then background, then obstacles.
@@ -157,9 +181,15 @@ mod tests {
             let error = from_message(&message).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         };
-        check(|m| m.models[0].counts[3] = -1.0, "model \"mulch\" has 900 counts");
-        check(|m| m.models[1].counts[3] = f32::NAN, "model \"learned 1\" has 900 counts");
-        check(|m| m.models[1].counts.truncate(899), "has 899 counts of 30x30 bins, expected 30x30");
+        let expected = "expected a finite number from 0 up";
+        check(|m| m.models[0].counts[3] = -1.0, &format!("model \"mulch\": count 3 is -1, {expected}"));
+        check(
+            |m| m.models[1].counts[3] = f32::NAN,
+            &format!("model \"learned 1\": count 3 is NaN, {expected}"),
+        );
+        check(|m| m.models[0].counts.fill(1e38), "the counts add up to 9.0e40, expected at most 3.4e38");
+        check(|m| m.models[0].counts.fill(0.0), "all counts are 0, expected some above 0");
+        check(|m| m.models[1].counts.truncate(899), "has 899 counts of 30x30 bins, expected 900 of 30x30");
         check(|m| m.models[0].red_bins = 16, "of 16x30 bins");
         check(|m| m.models[0].kind = 7, "is of kind 7, expected 0 to 2");
         check(|m| m.models[0].sample.as_mut().unwrap().width = 3, "model \"mulch\": sample is");

@@ -506,7 +506,7 @@ fn a_file_that_holds_no_models_is_refused_before_anything_runs() {
         setup.plan().unwrap_err().to_string()
     };
     let error = refused("{\"models\": [{\"name\": \"mulch\", \"counts\": [1, 2]}]}");
-    assert!(error.contains("models_2: model \"mulch\" has 2 counts"), "{error}");
+    assert!(error.contains("broken:1: model \"mulch\" has 2 counts"), "{error}");
     let error = refused("nonsense");
     assert!(error.contains("expected the JSON of a rcs.ColorModels"), "{error}");
 }

@@ -145,7 +145,10 @@ impl Process for Localization {
     }
 
     fn check(params: &LocalizationParams) -> Result<(), String> {
-        if params.world.is_empty() { Ok(()) } else { Origin::from_toml(&params.world).map(|_| ()) }
+        if params.world.is_empty() {
+            return Ok(());
+        }
+        Origin::from_toml(&params.world).map(|_| ()).map_err(|error| format!("world: {error}"))
     }
 
     fn new(params: &LocalizationParams) -> Self {

@@ -54,11 +54,7 @@ impl Goal {
             let start = error.span().map_or(0, |span| span.start);
             GoalError::Toml { line: line_of(text, start), message: error.message().trim().to_owned() }
         })?;
-        let table_line = text.lines().position(|line| {
-            let line = line.trim_start();
-            line.starts_with("[goal]") || line.starts_with("goal")
-        });
-        let line = table_line.map_or(1, |line| line + 1);
+        let line = text.lines().position(begins_goal).map_or(1, |line| line + 1);
         let error = |key, message: String| GoalError::Key { line, key, message };
         let Some(table) = file.get("goal").and_then(toml::Value::as_table) else {
             return Err(error("goal", "expected a table with zone, easting and northing".to_owned()));
@@ -89,6 +85,14 @@ impl Goal {
             _ => Ok(origin.offset_to(self.easting_m, self.northing_m)),
         }
     }
+}
+
+/// Whether the table `goal` begins in a line: `[goal]`, `goal = {` or `goal.easting =`. Other keys begin with that word,
+/// too.
+fn begins_goal(line: &str) -> bool {
+    let line = line.trim_start();
+    let key = line.strip_prefix('[').unwrap_or(line).trim_start();
+    key.strip_prefix("goal").is_some_and(|rest| rest.trim_start().starts_with(['=', '.', ']']))
 }
 
 fn line_of(text: &str, at: usize) -> usize {
@@ -133,6 +137,8 @@ mod tests {
             ("[goal]\neasting = 'x'\nnorthing = 1.0\n", "line 1, key \"easting\": got \"x\""),
             ("[goal]\nzone = 61\neasting = 1.0\nnorthing = 1.0\n", "line 1, key \"goal.zone\": got 61"),
             ("[goal]\neasting = nan\nnorthing = 1.0\n", "line 1, key \"easting\": got nan"),
+            ("goal_radius_m = 3\ngoal = { northing = 1.0 }\n", "line 2, key \"easting\": got nothing"),
+            ("goal_radius_m = 3\ngoal.northing = 1.0\n", "line 2, key \"easting\": got nothing"),
         ] {
             let error = Goal::from_toml(text).unwrap_err().to_string();
             assert!(error.starts_with(expected), "{text:?}: {error}");

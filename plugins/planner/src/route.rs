@@ -50,11 +50,13 @@ pub enum RouteError {
     },
     /// A point lies so far away that the planners cannot be told of it.
     #[error(
-        "a point lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m"
+        "a point is at easting {easting_m:?} m and northing {northing_m:?} m, expected at most {MOST_M} m from the origin of the global frame"
     )]
     Far {
-        /// Distance, m.
-        distance_m: f64,
+        /// Easting of the point, m.
+        easting_m: f64,
+        /// Northing of the point, m.
+        northing_m: f64,
     },
     /// The route leads elsewhere.
     #[error("the route ends {distance_m:.1} m from the goal, expected at most {within_m} m")]
@@ -158,8 +160,9 @@ pub fn in_global(route: &Route, origin: &Utm, goal: DVec2, within_m: f64) -> Res
         goal.in_global(origin).unwrap_or(DVec2::ZERO)
     };
     let points: Vec<DVec2> = route.points.iter().map(global).collect();
-    if let Some(far) = points.iter().find(|point| point.length() > MOST_M) {
-        return Err(RouteError::Far { distance_m: far.length() });
+    let far = std::iter::zip(&route.points, &points).find(|(_, at)| at.length() > MOST_M);
+    if let Some((point, _)) = far {
+        return Err(RouteError::Far { easting_m: point.easting_m, northing_m: point.northing_m });
     }
     let distance_m = points.last().map_or(f64::INFINITY, |end| end.distance(goal));
     if distance_m > within_m {
@@ -211,10 +214,16 @@ mod tests {
         let told = |result: Result<Vec<DVec2>, RouteError>| result.unwrap_err().to_string();
         let elsewhere = in_global(&route, &origin, DVec2::new(40.0, 0.0), 3.0);
         assert!(told(elsewhere).starts_with("the route ends 30."));
-        let mut far = route.clone();
-        far.points[1] = RoutePoint::default();
-        let far = in_global(&far, &origin, DVec2::new(10.0, 0.0), 3.0);
-        assert!(told(far).starts_with("a point lies 43"), "a point without coordinates");
+        // A point without coordinates, and one whose distance is no number of metres.
+        for (point, expected) in [
+            (RoutePoint::default(), "a point is at easting 0.0 m and northing 0.0 m, expected at most"),
+            (RoutePoint { easting_m: 1e300, ..route.points[1] }, "a point is at easting 1e300 m and"),
+        ] {
+            let mut far = route.clone();
+            far.points[1] = point;
+            let far = told(in_global(&far, &origin, DVec2::new(10.0, 0.0), 3.0));
+            assert!(far.starts_with(expected), "{far}");
+        }
         let zone = in_global(&Route { zone: 17, ..route.clone() }, &origin, DVec2::ZERO, 3.0);
         assert!(told(zone).starts_with("the route is in UTM zone 17"));
         for (route, expected) in [

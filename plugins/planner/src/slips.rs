@@ -37,11 +37,13 @@ pub enum SlipsError {
     },
     /// A place lies so far away that the planners cannot be told of it.
     #[error(
-        "a place lies {distance_m:.0} m from the origin of the global frame, expected at most {MOST_M} m"
+        "a place is at easting {easting_m:?} m and northing {northing_m:?} m, expected at most {MOST_M} m from the origin of the global frame"
     )]
     Far {
-        /// Distance, m.
-        distance_m: f64,
+        /// Easting of the place, m.
+        easting_m: f64,
+        /// Northing of the place, m.
+        northing_m: f64,
     },
     /// The places are in another zone than the global frame.
     #[error("the places are in UTM zone {got}, expected zone {expected} of the global frame's origin")]
@@ -94,9 +96,9 @@ pub fn in_global(slips: &SlipMemory, origin: &Utm) -> Result<Vec<Barred>, SlipsE
         Barred { at, radius_m: place.radius_m, slipped: true }
     };
     let places: Vec<Barred> = slips.places.iter().map(global).collect();
-    let away_m = |place: &Barred| DVec2::from(place.at).length();
-    match places.iter().map(away_m).find(|&distance_m| distance_m > MOST_M) {
-        Some(distance_m) => Err(SlipsError::Far { distance_m }),
+    let mut each = std::iter::zip(&slips.places, &places);
+    match each.find(|(_, place)| DVec2::from(place.at).length() > MOST_M) {
+        Some((place, _)) => Err(SlipsError::Far { easting_m: place.easting_m, northing_m: place.northing_m }),
         None => Ok(places),
     }
 }
@@ -152,10 +154,13 @@ mod tests {
         assert_eq!(in_global(&slips, &origin()).unwrap(), places());
         let zone = in_global(&SlipMemory { zone: 17, ..slips.clone() }, &origin()).unwrap_err();
         assert!(zone.to_string().starts_with("the places are in UTM zone 17, expected zone 18"), "{zone}");
-        let far = SlipPlace { radius_m: 1e6, ..slips.places[0] };
+        let far = SlipPlace { easting_m: 1e300, ..slips.places[0] };
+        let far = in_global(&SlipMemory { places: vec![far], ..slips.clone() }, &origin()).unwrap_err();
+        assert!(far.to_string().starts_with("a place is at easting 1e300 m and northing 43337"), "{far}");
+        let large = SlipPlace { radius_m: 1e6, ..slips.places[0] };
         for (slips, expected) in [
             (SlipMemory { format: 2, ..slips.clone() }, "format is 2"),
-            (SlipMemory { places: vec![far], ..slips.clone() }, "1 places, expected at most 1000"),
+            (SlipMemory { places: vec![large], ..slips.clone() }, "1 places, expected at most 1000"),
             (SlipMemory { places: vec![slips.places[0]; 1001], ..slips }, "1001 places"),
         ] {
             let error = parse(&text(slips)).unwrap_err().to_string();

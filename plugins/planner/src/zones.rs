@@ -144,8 +144,8 @@ impl Zones {
         let file = parse(goal).map_err(in_goal)?;
         let in_global = |place: DVec2| place - DVec2::new(origin.easting_m, origin.northing_m);
         let polygon = |key: &str, value: &toml::Value| {
-            let corners = points(value).ok_or_else(|| format!("{key}: expected [[easting, northing], …]"))?;
-            Polygon::new(corners.into_iter().map(in_global)).map_err(|error| format!("{key}: {error}"))
+            let polygon = corners(value).and_then(|corners| Polygon::new(corners.into_iter().map(in_global)));
+            polygon.map_err(|error| format!("{key}: {error}"))
         };
         let area = file.get("area").map(|value| polygon("area", value)).transpose().map_err(in_goal)?;
         let keep_out = match file.get("keep_out") {
@@ -183,6 +183,15 @@ fn bounds(world: &toml::Table, margin_m: f64) -> Result<Option<Polygon>, String>
     }
     let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
     Polygon::new(corners).map(Some)
+}
+
+/// The corners of a polygon of a goal file, UTM, m. An error says them as they are in the file.
+fn corners(value: &toml::Value) -> Result<Vec<DVec2>, String> {
+    let corners = points(value).ok_or("expected [[easting, northing], …]")?;
+    match corners.iter().find(|corner| !corner.is_finite()) {
+        Some(corner) => Err(format!("a corner of a polygon is {corner}, expected finite numbers")),
+        None => Ok(corners),
+    }
 }
 
 /// A list of pairs of numbers.
@@ -259,7 +268,10 @@ mod tests {
         for (goal, expected) in [
             ("area = 3", "goal: area: expected [["),
             ("area = [[1, 2], [3, 4]]", "goal: area: a polygon has 2 corners"),
-            ("area = [[1, 2], [3, 4], [nan, 1]]", "goal: area: a corner"),
+            (
+                "area = [[1, 2], [nan, 4333600], [5, 6]]",
+                "goal: area: a corner of a polygon is [NaN, 4333600], expected finite",
+            ),
             ("keep_out = [[1, 2]]", "goal: keep_out: expected [["),
             ("keep_out = 'x'", "goal: keep_out: expected a list"),
         ] {

@@ -6,7 +6,7 @@ use crate::spec::VehicleSpec;
 use crate::terrain::{Patch, Terrain, Touch, UprightBox};
 use glam::{DVec2, DVec3};
 use rcs_geom::{GeodesyError, Geodetic, Utm};
-use rcs_scene::{Course, Footprint, Look, Surface, THICKET, ThingKind, World};
+use rcs_scene::{Course, Footprint, Look, Surface, THICKET, ThingKind, UtmPosition, World, WrongZone};
 
 /// A simulated world, with the queries of the dynamics.
 #[derive(Clone, Debug)]
@@ -117,7 +117,7 @@ impl Texts {
 /// Reads a vehicle file.
 pub(crate) fn read_vehicle(text: &str) -> Result<VehicleSpec, String> {
     if text.is_empty() {
-        return Err("vehicle is missing, expected the text of a vehicle file".to_owned());
+        return Err("vehicle: got no text, expected that of a vehicle file".to_owned());
     }
     VehicleSpec::from_toml(text).map_err(|error| format!("vehicle: {error}"))
 }
@@ -140,7 +140,7 @@ pub(crate) fn read_look(text: &str) -> Result<Option<Look>, String> {
 /// Parses a world file without computing the world: its origin and its corners.
 pub(crate) fn check_world(text: &str) -> Result<(Utm, [DVec2; 2]), String> {
     if text.is_empty() {
-        return Err("world is missing, expected the text of a world file".to_owned());
+        return Err("world: got no text, expected that of a world file".to_owned());
     }
     World::check(text).map_err(|error| format!("world: {error}"))
 }
@@ -165,21 +165,25 @@ impl Route {
         };
         if !params.course.is_empty() {
             let course = Course::from_toml(&params.course).map_err(|error| format!("course: {error}"))?;
-            let place =
-                |place: &rcs_scene::UtmPosition| place.in_world(origin).map_err(|error| error.to_string());
-            route.start = place(&course.start)?;
+            let place = |what: &str, place: &UtmPosition| {
+                place.in_world(origin).map_err(|WrongZone { got, expected }| {
+                    format!("course: {what} is in zone {got}, expected the world's zone {expected}")
+                })
+            };
+            route.start = place("start", &course.start)?;
             route.start_yaw_rad = course.start_heading_rad;
             route.goal = Some(Goal {
-                at: place(&course.goal)?,
+                at: place("goal", &course.goal)?,
                 radius_m: course.goal_radius_m,
                 time_limit_s: course.time_limit_s,
             });
             route.course = course.name;
         }
+        let of = if params.course.is_empty() { "" } else { "course: " };
         for (what, at) in [("start", Some(route.start)), ("goal", route.goal.map(|goal| goal.at))] {
             if let Some(at) = at.filter(|at| !(at.cmpge(low).all() && at.cmple(high).all())) {
                 return Err(format!(
-                    "{what} is at {at} m, expected a place in the world, from {low} to {high}"
+                    "{of}{what} is at {at} m, expected a place in the world, from {low} to {high}"
                 ));
             }
         }

@@ -281,7 +281,10 @@ fn bad_files_are_refused_with_their_line_and_reason() {
     check(swap("kind = \"stereo\"", "kind = \"fish\""), "camera.kind is \"fish\", expected one of stereo");
     check(swap("distortion = [-0.16, ", "distortion = [-9.0, "), "has no ray for the pixel");
     check(swap("[gps]", "[gps"), "vehicles/lagr.toml:");
-    check(|files| files.vehicle.clear(), "vehicle is missing");
+    check(
+        |files| files.vehicle.clear(),
+        "vehicles/lagr.toml:1: got no text, expected that of a vehicle file",
+    );
     check(
         |files| files.world = WORLD.replace("dirt", "dust"),
         &format!("worlds/yard.toml:{}", line_of(WORLD, "base")),
@@ -292,7 +295,11 @@ fn bad_files_are_refused_with_their_line_and_reason() {
     );
     check(
         |files| files.course = COURSE.replace("easting = 500015.0", "easting = 500500.0"),
-        "goal is at [500, 10] m, expected a place in the world",
+        "courses/yard.toml:1: goal is at [500, 10] m, expected a place in the world",
+    );
+    check(
+        |files| files.course = COURSE.replace("goal = {", "goal = { zone = 17,"),
+        "courses/yard.toml:1: goal is in zone 17, expected the world's zone 32",
     );
     let error = plan(STACK, &Files::default(), &[("front_left.pair", "middle")]).unwrap_err();
     assert!(error.contains("expected a camera of the vehicle: front_left, front_right"), "{error}");

@@ -246,6 +246,12 @@ impl Rectangle {
         [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(0.0, size.y), size].map(|at| self.corner + at)
     }
 
+    /// How far a position lies from the rectangle, m; 0 in it.
+    pub fn distance_m(&self, place: DVec2) -> f64 {
+        let [low, _, _, high] = self.corners();
+        place.distance(place.max(low).min(high))
+    }
+
     /// Cuts off the rows and columns at the borders in which nothing is known.
     pub fn trim(&mut self) {
         let columns = self.columns.max(1);

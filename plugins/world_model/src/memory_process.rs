@@ -35,8 +35,11 @@ const IN_TURN: u32 = 4;
 const SAME_PLACE_M: f64 = 1.0;
 /// A registered map is believed until its agreement falls below this share of the one that it needed.
 const DOUBT: f64 = 0.7;
+/// A remembered map that begins farther away than this, m, is that of another place: nothing of it is in sight.
+const ELSEWHERE_M: f64 = 100.0;
 /// Time without a way to the goal after which the remembered map is not believed any more, s.
 const NO_WAY_S: f64 = 5.0;
+
 /// State: the frames, the track, where the remembered map lies, and what was sent when.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MapMemoryKeeper {
@@ -371,10 +374,8 @@ impl MapMemoryKeeper {
             }
             None => {
                 self.place(None);
-                let least = params.least_cells;
-                format!(
-                    "waits: {compared} obstacle cells can be compared with the remembered map, expected {least}"
-                )
+                let away_m = remembered.map.distance_m(now.to_global(now.vehicle));
+                waits(compared, params.least_cells, away_m)
             }
         };
         match self.placed {
@@ -450,6 +451,17 @@ impl MapMemoryKeeper {
         });
         self.proposed.map_or(0, |(_, times)| times)
     }
+}
+
+/// What is waited for before a remembered map that begins this far away, m, can be registered.
+fn waits(compared: usize, least: u32, away_m: f64) -> String {
+    if away_m <= ELSEWHERE_M {
+        return format!(
+            "waits: {compared} obstacle cells can be compared with the remembered map, expected {least}"
+        );
+    }
+    let away = if away_m < 1000.0 { format!("{away_m:.0} m") } else { format!("{:.1} km", away_m / 1000.0) };
+    format!("the remembered map begins {away} from here: drives without it")
 }
 
 /// Position of the vehicle in the local frame, m. A message that does not give it is a fault.

@@ -330,6 +330,22 @@ fn a_map_of_another_place_is_rejected_with_the_reason() {
 }
 
 #[test]
+fn a_map_that_begins_far_away_is_waited_for_and_the_status_says_how_far() {
+    let (first, here) = (first_run(), DVec2::new(4.0, -1.5));
+    let mut bench = start(&changed(&first, |map| map.easting_m += 190_000.0));
+    look(&mut bench, here, 2.5, ground_truth, 20);
+    assert_eq!(text(&bench), "the remembered map begins 190.0 km from here: drives without it");
+    give(&mut bench, &changed(&first, |map| map.easting_m += 300.0));
+    look(&mut bench, here, 2.5, ground_truth, 20);
+    assert_eq!(text(&bench), "the remembered map begins 288 m from here: drives without it");
+    // The position estimate comes to it.
+    let now = Stamp(bench.now_ms * 1_000_000 + 1);
+    locate(&mut bench, now, DVec2::new(302.0, 3.0));
+    look(&mut bench, here, 2.5, ground_truth, 40);
+    assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+}
+
+#[test]
 fn another_map_in_the_parameters_inherits_nothing_of_the_one_before() {
     let (first, here, behind) = (first_run(), DVec2::new(4.0, -1.5), DVec2::new(7.4, -2.8));
     for (memory, expected) in [

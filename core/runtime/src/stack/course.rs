@@ -36,6 +36,11 @@ impl Course {
         Ok(Some(Self { asset, table }))
     }
 
+    /// Name of its file.
+    pub(super) fn file(&self) -> &str {
+        &self.asset.file
+    }
+
     /// The file of a kind that belongs to the course: the course itself, or one that it names.
     pub(super) fn asset(&self, kind: &str, assets: &dyn Assets) -> Result<Option<Asset>, StackError> {
         if kind == "course" {

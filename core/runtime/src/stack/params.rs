@@ -239,7 +239,8 @@ impl<'a> ParamReader<'a> {
         self.files.insert(kind, &asset.file, &asset.text)
     }
 
-    /// Origin of an error that a process reports: `field: line N, …` refers to the file that the field names.
+    /// Origin of an error that a process reports: `field: …` refers to the file that the field names, and
+    /// `field: line N, …` to a line of it.
     fn blame(
         &self,
         entry: &ProcessEntry,
@@ -248,21 +249,49 @@ impl<'a> ParamReader<'a> {
         error: String,
     ) -> StackError {
         let said = |error: &str| {
-            let (field, rest) = error.split_once(": line ")?;
-            let digits = rest.find(|c: char| !c.is_ascii_digit())?;
-            let line = rest[..digits].parse().ok()?;
-            let file = find(files, field)?;
-            let asset = self.files.get(&text_at(values, &file.field)?)?;
-            let message = rest[digits..].trim_start_matches([',', ':', ' ']).to_owned();
-            Some(StackError { file: asset.file.clone(), line, message })
+            let (field, rest) = error.split_once(": ")?;
+            let field = find(files, field)?;
+            let text = text_at(values, &field.field)?;
+            if text.is_empty() {
+                return self.blame_course(entry, field, rest);
+            }
+            let file = self.files.get(&text)?.file.clone();
+            let (line, message) = line_and_rest(rest);
+            Some(StackError { file, line, message: message.to_owned() })
         };
         said(&error).unwrap_or_else(|| self.file.error(&entry.name.span(), error))
+    }
+
+    /// Origin of an error of a parameter that has no text: the empty file that the course names, or the course, which
+    /// names none; `None` if the text was not to come from a course.
+    fn blame_course(&self, entry: &ProcessEntry, field: &FileField, error: &str) -> Option<StackError> {
+        let path = format!("{}.{}", entry.name.get_ref(), field.field);
+        let is_given = entry.params.keys().any(|key| *key.get_ref() == field.field)
+            || self.options.overrides.iter().any(|(given, _)| *given == path);
+        let course = self.course.as_ref().filter(|_| !is_given)?;
+        let own = course.asset(&field.kind, self.options.assets).ok()?;
+        let (file, message) = match own {
+            Some(empty) => (empty.file, error.to_owned()),
+            None => (course.file().to_owned(), format!("{}: {error}", field.field)),
+        };
+        Some(StackError { file, line: 1, message })
     }
 }
 
 /// Whether a text names a value in another file: `${vehicle.wheels.track_m}`.
 fn is_reference(text: &str) -> bool {
     text.starts_with("${") && text.ends_with('}')
+}
+
+/// The line that an error names, `line N, …`, and what follows; line 1 if it names none.
+fn line_and_rest(error: &str) -> (usize, &str) {
+    let named = || {
+        let rest = error.strip_prefix("line ")?;
+        let digits = rest.find(|c: char| !c.is_ascii_digit())?;
+        let line: usize = rest[..digits].parse().ok()?;
+        Some((line, rest[digits..].trim_start_matches([',', ':', ' '])))
+    };
+    named().unwrap_or((1, error))
 }
 
 /// Files outside of lists, by the path of their field.

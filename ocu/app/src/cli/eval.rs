@@ -207,7 +207,7 @@ pub struct EvalObstaclesArgs {
     #[arg(long, value_name = "TOPIC")]
     pub truth_pose: Option<String>,
     /// Width of the vehicle, m
-    #[arg(long, value_name = "M", default_value_t = 0.7, value_parser = parse_metres)]
+    #[arg(long, value_name = "M", default_value_t = 0.7, value_parser = parse_width)]
     pub width: f64,
     /// Distance of the vehicle's front ahead of the origin of its frame, m
     #[arg(long, value_name = "M", default_value_t = 0.24, value_parser = parse_metres)]
@@ -222,8 +222,19 @@ pub struct EvalObstaclesArgs {
 
 /// A length from 0 to 10 m.
 fn parse_metres(text: &str) -> Result<f64, String> {
-    let metres: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;
+    let metres = parse_number(text)?;
     (0.0..=10.0).contains(&metres).then_some(metres).ok_or_else(|| format!("{metres} m, expected 0 to 10 m"))
+}
+
+/// A length above 0, up to 10 m: a vehicle without a width covers no cell.
+fn parse_width(text: &str) -> Result<f64, String> {
+    let metres = parse_number(text)?;
+    let is_width = metres > 0.0 && metres <= 10.0;
+    is_width.then_some(metres).ok_or_else(|| format!("{metres} m, expected more than 0 and at most 10 m"))
+}
+
+fn parse_number(text: &str) -> Result<f64, String> {
+    text.parse().map_err(|_| format!("{text:?} is no number"))
 }
 
 /// How disparities are found.
@@ -233,4 +244,18 @@ pub enum StereoMethod {
     Bm,
     /// Semi-global matching
     Sgm,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_vehicle_has_a_width_and_other_lengths_may_be_0() {
+        assert_eq!((parse_width("0.7"), parse_width("10"), parse_metres("0")), (Ok(0.7), Ok(10.0), Ok(0.0)));
+        for width in ["0", "-0.0", "-1", "11", "nan"] {
+            let error = parse_width(width).unwrap_err();
+            assert!(error.ends_with(" m, expected more than 0 and at most 10 m"), "{width}: {error}");
+        }
+    }
 }

@@ -58,7 +58,8 @@ pub(super) fn run(
         Report::new(stopped.summary, outcome, clock.elapsed().as_secs_f64()).with_timings(&stopped.timings);
     let verdict = referee.as_ref().and_then(runs::verdict);
     report.runs.extend(verdict.map(|verdict| RunReport::new(seed, &verdict, report.hash.clone())));
-    Done { report, verdict: None, failure, memory: crate::memory::Memory::default() }.print(args, out)
+    let memory = crate::memory::Memory::default();
+    Done { report, verdict: None, failure, unsaved: None, memory }.print(args, out)
 }
 
 /// Executes the actions of the operator, each at its time, until the end.

@@ -75,6 +75,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         runs.extend(done.verdict.take());
         outcome = outcome.max(done.report.outcome);
     }
+    done.failure = done.failure.or(done.unsaved.take());
     done.report.runs = runs;
     done.report.warnings = warnings;
     done.report.outcome = if done.failure.is_some() { Outcome::Error } else { outcome };
@@ -180,6 +181,8 @@ struct Done {
     report: Report,
     verdict: Option<RunReport>,
     failure: Option<anyhow::Error>,
+    /// Why a buffer was not saved, such as that nothing was written to it; the next run may write to it.
+    unsaved: Option<anyhow::Error>,
     /// What the processes remember at the end.
     memory: Memory,
 }
@@ -201,9 +204,7 @@ impl Done {
         {
             failure.get_or_insert(error.into());
         }
-        if let Err(error) = save(run, args, is_again) {
-            failure.get_or_insert(error);
-        }
+        let unsaved = save(run, args, is_again).err();
         let outcome = if failure.is_some() { Outcome::Error } else { outcome };
         let mut report = Report::new(run.summary(), outcome, clock.elapsed().as_secs_f64());
         report.log = log.and_then(LogDamage::of);
@@ -214,7 +215,7 @@ impl Done {
             failure.get_or_insert(error);
             Memory::default()
         });
-        Self { report, verdict, failure, memory }
+        Self { report, verdict, failure, unsaved, memory }
     }
 
     /// Prints the report. What went wrong is told whether or not anybody reads it.
@@ -269,13 +270,15 @@ impl Ready<'_> {
     }
 }
 
-/// Writes the newest messages of the buffers named by `--save`; those of a run before are replaced.
+/// Writes the newest messages of the buffers named by `--save`; those of a run before are replaced. One that cannot be
+/// written does not hinder the others; the first error is returned.
 fn save(run: &Stepped, args: &RunArgs, is_again: bool) -> anyhow::Result<()> {
-    for Save { buffer, path } in &args.save {
+    let save = |Save { buffer, path }: &Save| {
         let newest = run.buffers().iter().find(|candidate| candidate.name() == buffer);
-        save_one(newest.and_then(|buffer| buffer.latest()), buffer, path, args.force || is_again)?;
-    }
-    Ok(())
+        save_one(newest.and_then(|buffer| buffer.latest()), buffer, path, args.force || is_again)
+    };
+    let saved: Vec<anyhow::Result<()>> = args.save.iter().map(save).collect();
+    saved.into_iter().collect()
 }
 
 /// Writes one message to a file, as JSON.

@@ -162,66 +162,124 @@ fn pose(message: &AnyMessage, otherwise: Stamp) -> Option<(Stamp, Pose, String)>
     of(pose.timestamp.as_ref(), pose.pose.as_ref(), &pose.frame_id)
 }
 
-impl Topics {
-    /// The topics that were named, or those whose metadata says what they are.
-    fn find(job: &Job, log: &Log) -> Result<Topics, EvalError> {
-        let all = || log.info().topics.iter();
+/// What a topic is needed for, and how it is found.
+struct Need {
+    /// For errors.
+    what: &'static str,
+    /// The option that names it.
+    option: &'static str,
+    /// Its role.
+    role: &'static str,
+    /// Whether it holds the ground truth.
+    is_true: bool,
+    /// Whether a topic is of the type.
+    fits: fn(&LogTopic) -> bool,
+    /// The type, for errors.
+    expected: &'static str,
+}
+
+const MAP: Need = Need {
+    what: "map",
+    option: "--map",
+    role: "map",
+    is_true: false,
+    fits: is_of::<Grid>,
+    expected: "foxglove.Grid",
+};
+const TRUE_MAP: Need = Need { what: "true map", option: "--truth-map", is_true: true, ..MAP };
+const POSE: Need = Need {
+    what: "pose of the vehicle",
+    option: "--pose",
+    role: "pose",
+    is_true: false,
+    fits: is_pose,
+    expected: "foxglove.Odometry or foxglove.PoseInFrame",
+};
+const TRUE_POSE: Need = Need { what: "true pose", option: "--truth-pose", is_true: true, ..POSE };
+
+impl Need {
+    /// The topics whose metadata says what they are. One without messages is none of them: a recording has all topics
+    /// that its stack may have written.
+    fn found<'a>(&self, log: &'a Log) -> Vec<&'a LogTopic> {
         let says = |topic: &LogTopic, key: &str, value: &str| {
             topic.metadata.get(key).is_some_and(|found| found == value)
         };
-        let is_true = |topic: &&LogTopic| says(topic, "rcs.ground_truth", "true");
-        let is_map = |topic: &&LogTopic| says(topic, "rcs.role", "map") && is_of::<Grid>(topic);
-        let is_pose = |topic: &&LogTopic| {
-            says(topic, "rcs.role", "pose") && (is_of::<Odometry>(topic) || is_of::<PoseInFrame>(topic))
+        let is_one = |topic: &&LogTopic| {
+            let is_known = says(topic, "rcs.role", self.role) && (self.fits)(topic);
+            is_known && topic.messages > 0 && says(topic, "rcs.ground_truth", "true") == self.is_true
         };
-        let one = |what: &str, option: &str, named: Option<&String>, found: Vec<&LogTopic>| {
-            let names: Vec<&str> = found.iter().map(|topic| topic.name.as_str()).collect();
-            match (named, found.as_slice()) {
-                (Some(name), _) => log
-                    .info()
-                    .topics_named(name)
-                    .next()
-                    .map(|topic| topic.id)
-                    .ok_or_else(|| EvalError::refused(format!("the recording has no topic {name}"))),
-                (None, [topic]) => Ok(topic.id),
-                (None, []) => {
-                    Err(EvalError::refused(format!("the recording has no {what}; expected {option}")))
-                }
-                (None, _) => {
-                    Err(EvalError::refused(format!("expected {option} with one of {}", names.join(", "))))
-                }
-            }
+        log.info().topics.iter().filter(is_one).collect()
+    }
+
+    /// The topics of a name and the type, at least one.
+    fn named<'a>(&self, log: &'a Log, name: &'a str) -> Result<Vec<&'a LogTopic>, EvalError> {
+        let all: Vec<&LogTopic> = log.info().topics_named(name).collect();
+        let fitting: Vec<&LogTopic> = all.iter().copied().filter(|topic| (self.fits)(topic)).collect();
+        let Some(first) = all.first() else {
+            return Err(EvalError::refused(format!("the recording has no topic {name}")));
         };
-        let true_maps = all().filter(is_true).filter(is_map).collect();
-        let true_poses = all().filter(is_true).filter(is_pose).collect();
-        let maps = all().filter(|topic| !is_true(topic)).filter(is_map).collect();
-        let true_map = one("true map", "--truth-map", job.true_map.as_ref(), true_maps)?;
-        let true_pose = one("true pose", "--truth-pose", job.true_pose.as_ref(), true_poses)?;
-        let map = one("map", "--map", job.map.as_ref(), maps)?;
+        if fitting.is_empty() {
+            let (option, got, expected) = (self.option, first.schema.name(), self.expected);
+            return Err(EvalError::refused(format!("{option}: {name} holds {got:?}, expected {expected}")));
+        }
+        Ok(fitting)
+    }
+
+    /// The topic of a name, else the only one that is found.
+    fn one(&self, log: &Log, name: Option<&String>) -> Result<TopicId, EvalError> {
+        let topics: Vec<&LogTopic> = match name {
+            Some(name) => self.named(log, name)?.into_iter().take(1).collect(),
+            None => self.found(log),
+        };
+        let Need { what, option, .. } = self;
+        let names = || topics.iter().map(|topic| topic.name.as_str()).collect::<Vec<_>>().join(", ");
+        match topics.as_slice() {
+            [topic] => Ok(topic.id),
+            [] => Err(EvalError::refused(format!("the recording has no {what}; expected {option}"))),
+            _ => Err(EvalError::refused(format!("expected {option} with one of {}", names()))),
+        }
+    }
+}
+
+impl Topics {
+    /// The topics that were named, or those whose metadata says what they are.
+    fn find(job: &Job, log: &Log) -> Result<Topics, EvalError> {
+        let true_map = TRUE_MAP.one(log, job.true_map.as_ref())?;
+        let true_pose = TRUE_POSE.one(log, job.true_pose.as_ref())?;
+        let map = MAP.one(log, job.map.as_ref())?;
         let mut parts: BTreeMap<TopicId, Part> =
             [(true_map, Part::TrueMap), (true_pose, Part::TruePose), (map, Part::Map)].into();
         // Any pose in the frame of the maps will do; poses of other frames are skipped one by one.
-        let poses: Vec<TopicId> = match &job.pose {
-            Some(name) => log.info().topics_named(name).map(|topic| topic.id).collect(),
-            None => all().filter(|topic| !is_true(topic)).filter(is_pose).map(|topic| topic.id).collect(),
+        let poses = match &job.pose {
+            Some(name) => POSE.named(log, name)?,
+            None => POSE.found(log),
         };
         if poses.is_empty() {
-            let what = job
-                .pose
-                .as_ref()
-                .map_or("no pose of the vehicle".to_owned(), |name| format!("no topic {name}"));
-            return Err(EvalError::refused(format!("the recording has {what}; expected --pose")));
+            let Need { what, option, .. } = POSE;
+            return Err(EvalError::refused(format!("the recording has no {what}; expected {option}")));
         }
         for pose in poses {
-            parts.entry(pose).or_insert(Part::Pose);
+            parts.entry(pose.id).or_insert(Part::Pose);
         }
-        let options = CursorOptions { topics: Some(vec![map]), ..CursorOptions::default() };
-        let schema = log.info().topic(map).map(|topic| topic.schema.clone());
-        let first = log.cursor(options).next().transpose()?.zip(schema);
-        let grid = first.and_then(|(first, schema)| AnyMessage::encoded(schema, first.data).to::<Grid>());
-        let frame = grid.ok_or_else(|| EvalError::nothing("the recording has no map that decodes"))?.frame_id;
-        Ok(Topics { parts, frame })
+        Ok(Topics { parts, frame: frame_of(log, map)? })
     }
+}
+
+/// Frame of the first map of a topic.
+fn frame_of(log: &Log, map: TopicId) -> Result<String, EvalError> {
+    let topic = log.info().topic(map);
+    let name = topic.map_or("the map", |topic| topic.name.as_str());
+    let options = CursorOptions { topics: Some(vec![map]), ..CursorOptions::default() };
+    let Some((first, topic)) = log.cursor(options).next().transpose()?.zip(topic) else {
+        return Err(EvalError::nothing(format!("{name} has no messages, expected maps")));
+    };
+    let grid = AnyMessage::encoded(topic.schema.clone(), first.data).to::<Grid>();
+    let refused = format!("the first message of {name} does not decode, expected a map");
+    grid.map(|grid| grid.frame_id).ok_or_else(|| EvalError::nothing(refused))
+}
+
+fn is_pose(topic: &LogTopic) -> bool {
+    is_of::<Odometry>(topic) || is_of::<PoseInFrame>(topic)
 }
 
 fn is_of<T: Payload>(topic: &LogTopic) -> bool {

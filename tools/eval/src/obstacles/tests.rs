@@ -1,5 +1,6 @@
 use super::*;
 use rcs_geom::DVec2;
+use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 use rcs_world::{CELL_SIZE_M, Map, MapOptions, SIDE, Source, Sources, VoteRule, Weights};
 
 /// A true map of 201×201 cells of 0.2 m whose corner is at (-20, -20), with blocked cells, and others of class 19.
@@ -144,4 +145,55 @@ fn a_thing_is_late_if_it_was_in_the_way_from_far_and_blocked_only_when_near() {
 fn without_truth_the_error_says_what_is_missing() {
     let judge = Judge::new(&Settings::default());
     assert!(judge.report().unwrap_err().to_string().contains("expected a true map"));
+}
+
+/// A recording with the truth, a pose, and topics of maps with as many messages each.
+fn recorded(path: &std::path::Path, maps: &[(&str, u32)]) -> Log {
+    let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
+    let mut add = |name: &str, role: &str, truth: &str, message: &AnyMessage, count: u32| {
+        let metadata = [("rcs.role", role), ("rcs.ground_truth", truth)];
+        let metadata: BTreeMap<String, String> =
+            metadata.map(|(key, value)| (key.to_owned(), value.to_owned())).into();
+        let channel = writer.add_channel(name, &message.schema(), &metadata).unwrap();
+        for sequence in 0..count {
+            let header = WriteHeader { sequence, log_time: Stamp(1), publish_time: Stamp(1) };
+            writer.write(channel, header, &message.bytes()).unwrap();
+        }
+    };
+    let grid = AnyMessage::new(map(&[]));
+    let pose = AnyMessage::new(PoseInFrame::default());
+    add("/truth/map", "map", "true", &grid, 1);
+    add("/truth/pose", "pose", "true", &pose, 1);
+    add("/pose", "pose", "false", &pose, 1);
+    for &(name, count) in maps {
+        add(name, "map", "false", &grid, count);
+    }
+    writer.finish().unwrap();
+    Log::open(path).unwrap()
+}
+
+#[test]
+fn a_topic_without_messages_is_no_candidate_and_one_of_another_type_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = recorded(&folder.path().join("one.mcap"), &[("/wm1/map", 1), ("/map_memory/cost", 0)]);
+    let frame = |log: &Log, job: &Job| {
+        Topics::find(job, log).map(|topics| topics.frame).map_err(|error| error.to_string())
+    };
+    assert_eq!(frame(&log, &Job::default()), Ok("local".to_owned()));
+    let refused = |job: Job| frame(&log, &job).unwrap_err();
+    let named = |name: &str| Some(name.to_owned());
+    assert_eq!(
+        refused(Job { map: named("/pose"), ..Job::default() }),
+        "--map: /pose holds \"foxglove.PoseInFrame\", expected foxglove.Grid"
+    );
+    assert_eq!(
+        refused(Job { pose: named("/wm1/map"), ..Job::default() }),
+        "--pose: /wm1/map holds \"foxglove.Grid\", expected foxglove.Odometry or foxglove.PoseInFrame"
+    );
+    assert_eq!(refused(Job { true_map: named("/x"), ..Job::default() }), "the recording has no topic /x");
+    let empty = refused(Job { map: named("/map_memory/cost"), ..Job::default() });
+    assert_eq!(empty, "/map_memory/cost has no messages, expected maps");
+    let log = recorded(&folder.path().join("two.mcap"), &[("/wm1/map", 1), ("/wm2/map", 2)]);
+    let several = frame(&log, &Job::default());
+    assert_eq!(several, Err("expected --map with one of /wm1/map, /wm2/map".to_owned()));
 }

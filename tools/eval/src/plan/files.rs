@@ -112,14 +112,19 @@ pub(super) fn read_scenarios(path: &Path, map: &CostGrid) -> Result<Vec<Scenario
     let text = read(path)?;
     let file = Lines { path, text: &text };
     let mut scenarios = Vec::new();
-    for (number, line) in file.iter().filter(|(_, line)| !line.trim().is_empty()) {
-        if let Some(version) = line.trim().strip_prefix("version") {
-            if number != 1 || version.trim().parse() != Ok(1.0) {
-                return Err(file.error(number, &format!("got {:?}, expected \"version 1\"", shown(line))));
-            }
+    let filled = file.iter().filter(|(_, line)| !line.trim().is_empty());
+    for (index, (number, line)) in filled.enumerate() {
+        let Some(version) = line.trim().strip_prefix("version") else {
+            scenarios.push(scenario(&file, number, line, map)?);
             continue;
-        }
-        scenarios.push(scenario(&file, number, line, map)?);
+        };
+        let is_known = version.trim().parse() == Ok(1.0);
+        let expected = match (index, is_known) {
+            (0, true) => continue,
+            (0, false) => "\"version 1\"",
+            _ => "the version once, on the first line",
+        };
+        return Err(file.error(number, &format!("got {:?}, expected {expected}", shown(line))));
     }
     if scenarios.is_empty() {
         return Err(file.ends("a scenario"));
@@ -127,18 +132,19 @@ pub(super) fn read_scenarios(path: &Path, map: &CostGrid) -> Result<Vec<Scenario
     Ok(scenarios)
 }
 
-/// The columns after the name of the map, which may contain spaces.
+/// The columns after the name of the map, which may contain spaces where columns are separated by tabs.
 const COLUMNS: [&str; 7] =
     ["map width", "map height", "start x", "start y", "goal x", "goal y", "optimal length"];
 
 fn scenario(file: &Lines<'_>, number: usize, line: &str, map: &CostGrid) -> Result<Scenario, EvalError> {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let Some(first) = words.len().checked_sub(COLUMNS.len()).filter(|&first| first >= 2) else {
-        let what = format!("{} columns, expected 9: bucket, map, {}", words.len(), COLUMNS.join(", "));
+    let columns = columns_of(line);
+    if columns.len() != 2 + COLUMNS.len() {
+        let what = format!("has {} columns, expected 9: bucket, map, {}", columns.len(), COLUMNS.join(", "));
         return Err(file.error(number, &what));
-    };
-    let field = |column: usize| words[first + column];
-    let whole = |column: usize| number_of::<i32>(file, number, COLUMNS[column], field(column));
+    }
+    let field = |column: usize| columns[2 + column];
+    let expected = format!("a whole number up to {}", i32::MAX);
+    let whole = |column: usize| number_of::<i32>(file, number, COLUMNS[column], field(column), &expected);
     let size = [whole(0)?, whole(1)?];
     let got = [map.columns() as i32, map.rows() as i32];
     if size != got {
@@ -160,7 +166,7 @@ fn scenario(file: &Lines<'_>, number: usize, line: &str, map: &CostGrid) -> Resu
         if map.contains(place) { Ok(place) } else { Err(file.error(number, &told())) }
     };
     let (start, goal) = (place("start", 2)?, place("goal", 4)?);
-    let optimal: f64 = number_of(file, number, COLUMNS[6], field(6))?;
+    let optimal: f64 = number_of(file, number, COLUMNS[6], field(6), "a number")?;
     // Without anything in the way. A file rounds lengths to eight places.
     let apart = [(start.column - goal.column).abs(), (start.row - goal.row).abs()].map(f64::from);
     let diagonal = apart[0].min(apart[1]);
@@ -172,8 +178,22 @@ fn scenario(file: &Lines<'_>, number: usize, line: &str, map: &CostGrid) -> Resu
     Ok(Scenario { start, goal, optimal })
 }
 
-fn number_of<T: FromStr>(file: &Lines<'_>, number: usize, name: &str, word: &str) -> Result<T, EvalError> {
-    let what = || format!("{name} is {:?}, expected a number", shown(word));
+/// The columns of a line, which are separated by tabs; where it has none, by spaces.
+fn columns_of(line: &str) -> Vec<&str> {
+    if !line.contains('\t') {
+        return line.split_whitespace().collect();
+    }
+    line.split('\t').map(str::trim).filter(|column| !column.is_empty()).collect()
+}
+
+fn number_of<T: FromStr>(
+    file: &Lines<'_>,
+    number: usize,
+    name: &str,
+    word: &str,
+    expected: &str,
+) -> Result<T, EvalError> {
+    let what = || format!("{name} is {:?}, expected {expected}", shown(word));
     word.parse().map_err(|_| file.error(number, &what()))
 }
 

@@ -22,6 +22,9 @@ fn a_small_map_is_solved_without_cutting_corners() {
     let ratio = report.cost_ratio_max.unwrap();
     assert!((ratio - 1.0).abs() < 1e-6, "{report:?}");
     assert_eq!(evaluated(&MAP.replace('\n', "\r\n"), &SCENARIOS.replace('\n', "\r\n")).unwrap().solved, 2);
+    for scenarios in [format!("\n \n{SCENARIOS}"), "0 m 4 3 0 0 0 0 0\n0 m 4 3 0 0 1 0 1\n".to_owned()] {
+        assert_eq!(evaluated(MAP, &scenarios).unwrap().solved, 2, "{scenarios}");
+    }
     let text = serde_json::to_string(&report).unwrap();
     assert!(text.starts_with("{\"solved\":2,\"cost_ratio_max\":1"), "{text}");
 }
@@ -57,7 +60,17 @@ fn bad_files_are_refused_with_their_line() {
         ),
         (scen("6.41421356", "inf"), "/a.scen, line 2: optimal length is \"inf\", expected a finite"),
         (scen("6.41421356", "x"), "/a.scen, line 2: optimal length is \"x\", expected a number"),
-        (scen("a b.map\t4", ""), "/a.scen, line 2: 7 columns, expected 9"),
+        (scen("a b.map\t4", ""), "/a.scen, line 2: has 7 columns, expected 9: bucket, map, map width"),
+        (scen("6.41421356", "6.41421356\t7"), "/a.scen, line 2: has 10 columns, expected 9"),
+        (
+            scen("\t3\t0\t0\t", "\t3\t0.5\t0\t"),
+            "/a.scen, line 2: start x is \"0.5\", expected a whole number up to",
+        ),
+        (
+            scen("version 1", "\nversion 1\n\nversion 1"),
+            "/a.scen, line 4: got \"version 1\", expected the version once, on the first line",
+        ),
+        (scen("\n\n", "\nversion 1\n"), "/a.scen, line 4: got \"version 1\", expected the version once"),
         (
             evaluated(MAP, "version 1\n").unwrap_err(),
             "/a.scen, line 1: the file ends here, expected a scenario",
