@@ -4,11 +4,13 @@
 
 mod common;
 
-use common::window::{frame, running, wait_until};
+use common::window::{State, frame, running, wait_until, writes};
 use egui::Key;
+use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use rcs_msg::rcs;
 use rcs_runtime::source::Frame;
+use std::path::Path;
 
 /// The last drive command: speed and turn rate.
 fn command(frame: &Frame) -> Option<[f64; 2]> {
@@ -193,6 +195,96 @@ fn a_stop_that_is_not_confirmed_is_never_shown_as_one() {
     wait_until(&mut harness, "the vehicle's word", |frame| {
         vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
     });
+}
+
+/// The window on a run of two seconds, which is paused at its end.
+fn paused_at_two_seconds(dir: &Path) -> Harness<'static, State> {
+    let mut harness = running(dir);
+    wait_until(&mut harness, "two seconds", |frame| frame.time_s() > 2.0);
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    harness.run_steps(2);
+    harness
+}
+
+/// Goes to the start.
+fn look_back(harness: &mut Harness<'_, State>) {
+    harness.key_press(Key::Home);
+    wait_until(harness, "the start", |frame| frame.time_s() < 0.1);
+    harness.run_steps(2);
+}
+
+fn is_stopped(frame: &Frame) -> bool {
+    vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+}
+
+#[test]
+fn a_stop_at_the_end_belongs_to_its_moment_and_looking_back_writes_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = paused_at_two_seconds(dir.path());
+    let pressed = frame(&harness).unwrap().now;
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "the stop in the run", |frame| writes(frame) == 1);
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Emergency stop: STOPPING…").is_some());
+
+    look_back(&mut harness);
+    assert!(harness.query_by_label("Emergency stop: STOP").is_some(), "nothing was pressed at this moment");
+    harness.key_press(Key::End);
+    wait_until(&mut harness, "the end", |frame| frame.runs.is_at_end);
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Emergency stop: STOPPING…").is_some());
+
+    look_back(&mut harness);
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "a second of the past", |frame| frame.time_s() > 1.0);
+    let past = frame(&harness).unwrap();
+    assert_eq!((past.runs.all.len(), writes(&past)), (1, 1));
+    wait_until(&mut harness, "the vehicle's word", is_stopped);
+    let stopped = frame(&harness).unwrap();
+    assert!(stopped.now >= pressed, "stopped at {}, before the press at {pressed}", stopped.now);
+    assert_eq!(stopped.runs.all.len(), 1, "no run was begun");
+    harness.step();
+    assert!(harness.query_by_label("Emergency stop: STOPPED").is_some());
+}
+
+#[test]
+fn a_stop_while_the_past_plays_begins_another_run_in_which_it_is_confirmed() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = paused_at_two_seconds(dir.path());
+    look_back(&mut harness);
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "time to run", |frame| frame.playback.playing);
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
+    wait_until(&mut harness, "the vehicle's word", is_stopped);
+    let stopped = frame(&harness).unwrap();
+    assert_eq!((stopped.runs.current().0, stopped.runs.all.len()), (1, 2));
+    harness.step();
+    assert!(harness.query_by_label("Emergency stop: STOPPED").is_some());
+}
+
+#[test]
+fn a_stop_that_is_taken_back_before_it_takes_effect_is_not_sent_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = paused_at_two_seconds(dir.path());
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "the stop in the run", |frame| writes(frame) == 1);
+    harness.run_steps(2);
+    harness.get_by_label("run 0").click();
+    harness.run_steps(3);
+    harness.get_by_label("Take the last write back").click();
+    wait_until(&mut harness, "the run without it", |frame| frame.runs.all.len() == 2);
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Emergency stop: STOP").is_some());
+    let from_s = frame(&harness).unwrap().time_s();
+    harness.get_by_label("Play").click();
+    wait_until(&mut harness, "more than the time until it is repeated", |frame| {
+        frame.time_s() > from_s + 1.0
+    });
+    let moved_on = frame(&harness).unwrap();
+    assert!(!is_stopped(&moved_on));
+    assert_eq!(moved_on.runs.all.len(), 2);
 }
 
 #[test]

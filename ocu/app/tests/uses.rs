@@ -4,7 +4,10 @@
 
 mod common;
 
-use common::window::{drop_file, frame, open, recording, running, stack, type_text, wait_for, wait_until};
+use common::window::{
+    closes, drop_file, frame, has_told, open, recording, running, stack, type_text, wait_for, wait_until,
+    writes,
+};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use ocu_app::layout::Layout;
@@ -69,6 +72,65 @@ fn a_branch_is_announced_and_leaving_it_is_asked() {
     harness.run_steps(3);
     harness.get_by_label_contains("Leave it").click();
     wait_until(&mut harness, "a new run", |frame| frame.runs.all.len() == 1 && frame.playback.playing);
+}
+
+#[test]
+fn the_word_past_leads_to_the_newest_time_of_the_run_that_is_shown() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    wait_until(&mut harness, "some time", |frame| frame.time_s() > 4.0);
+    for count in [1, 2] {
+        harness.key_press(Key::Space);
+        wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+        harness.run_steps(2);
+        let newest = frame(&harness).unwrap().now;
+        assert!(harness.query_by_label("PAST").is_none());
+        harness.key_press(Key::Home);
+        wait_until(&mut harness, "the start", |frame| frame.time_s() < 0.1);
+        harness.run_steps(2);
+        harness.get_by_role_and_label(egui::accesskit::Role::Button, "PAST").click();
+        wait_until(&mut harness, "the newest time", |frame| frame.runs.is_at_end);
+        let moment = frame(&harness).unwrap();
+        assert_eq!((moment.now, moment.runs.all.len()), (newest, count), "nothing more was computed");
+        harness.run_steps(2);
+        assert!(harness.query_by_label("PAST").is_none());
+        if count == 2 {
+            return;
+        }
+        // A shorter run that branches from this one.
+        harness.key_press(Key::Home);
+        wait_until(&mut harness, "the start", |frame| frame.time_s() < 0.1);
+        harness.key_press(Key::Space);
+        wait_until(&mut harness, "time to run", |frame| frame.playback.playing);
+        harness.key_down(Key::W);
+        wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
+        harness.key_up(Key::W);
+        wait_until(&mut harness, "some of it", |frame| frame.time_s() > 1.0);
+    }
+}
+
+#[test]
+fn a_window_closes_at_once_where_nothing_is_lost_and_asks_where_something_would_be() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    assert!(closes(&mut harness), "a run without writes");
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "a write", |frame| writes(frame) > 0);
+    harness.key_up(Key::W);
+    harness.run_steps(3);
+    assert!(!closes(&mut harness));
+    harness.run_steps(3);
+    assert!(is_told(&harness, "it cannot be shown again"));
+    harness.get_by_label("Stay").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Stay").is_none());
+    assert!(frame(&harness).unwrap().playback.playing, "the run goes on");
+
+    assert!(!closes(&mut harness), "it asks each time");
+    harness.run_steps(3);
+    harness.get_by_label("Leave it, close the window").click();
+    wait_for(&mut harness, "the close", |harness| has_told(harness, &egui::ViewportCommand::Close));
+    assert!(closes(&mut harness), "the user has agreed");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::alarm_sound;
 use super::body::{Chosen, Window};
 use super::commands::Command;
 use super::focus::cancel;
-use super::leaving::{Answer, Leaving, lost_with};
+use super::leaving::{Lost, Next};
 use super::notices::Matter;
 use super::open::Outcome;
 use super::recording;
@@ -15,6 +15,7 @@ use crate::layout_fit::fitting;
 use crate::memory::Memory;
 use crate::open::Request;
 use crate::say;
+use egui::ViewportCommand;
 use rcs_runtime::source::{Control, Frame, SourceKind};
 use std::path::Path;
 
@@ -246,25 +247,46 @@ impl Window {
 
     /// Opens a source in place of this one; asks before where something would be lost.
     pub(super) fn open_asking(&mut self, request: Request, controls: &mut Vec<Control>) {
-        let lost = self.frame().map_or(0, |frame| lost_with(&frame));
-        if lost > 0 {
-            self.leaving = Some(Leaving::new(request, lost));
-        } else {
-            controls.extend(self.make_room());
-            self.opener.open(request);
+        match self.lost() {
+            Some(lost) => self.leaving.ask(Next::Open(request), lost),
+            None => self.leave_for(request, controls),
+        }
+    }
+
+    /// Called before each pass, and also while the window is hidden: where something would be lost, asks before the
+    /// window closes.
+    pub fn logic(&mut self, ctx: &egui::Context) {
+        if !ctx.input(|input| input.viewport().close_requested()) {
+            return;
+        }
+        let lost = self.lost();
+        if self.leaving.keeps_open(lost) {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+            // In a hidden window nobody would see the question.
+            if ctx.input(|input| input.viewport().minimized) == Some(true) {
+                ctx.send_viewport_cmd(ViewportCommand::Minimized(false));
+            }
+            ctx.send_viewport_cmd(ViewportCommand::Focus);
         }
     }
 
     pub(super) fn leaving_ui(&mut self, ui: &egui::Ui, controls: &mut Vec<Control>) {
-        match self.leaving.as_ref().map(|leaving| leaving.ui(ui.ctx())) {
-            None | Some(Answer::Open) => {}
-            Some(Answer::Stay) => self.leaving = None,
-            Some(Answer::Leave(request)) => {
-                self.leaving = None;
-                controls.extend(self.make_room());
-                self.opener.open(request);
-            }
+        match self.leaving.ui(ui.ctx()) {
+            Some(Next::Open(request)) => self.leave_for(request, controls),
+            Some(Next::Close) => ui.ctx().send_viewport_cmd(ViewportCommand::Close),
+            None => {}
         }
+    }
+
+    /// What would be lost if the open source were left.
+    fn lost(&self) -> Option<Lost> {
+        self.frame().and_then(|frame| Lost::with(&frame))
+    }
+
+    /// Opens a source in place of this one.
+    fn leave_for(&mut self, request: Request, controls: &mut Vec<Control>) {
+        controls.extend(self.make_room());
+        self.opener.open(request);
     }
 
     /// Pauses a running stack, which would slow down opening the next source.

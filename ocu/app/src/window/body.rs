@@ -122,8 +122,8 @@ pub struct Window {
     pub(super) follow: Option<Follow>,
     /// What was told about recordings.
     pub(super) told: Told,
-    /// The question whether to leave a run.
-    pub(super) leaving: Option<Leaving>,
+    /// The question whether to leave a source.
+    pub(super) leaving: Leaving,
     pub(super) sweeping: Sweeping,
     /// The title that the desktop was last told.
     title: String,
@@ -160,7 +160,7 @@ impl Window {
             frames: FramePolicy::default(),
             known_runs: 0,
             known_alarms: Stamp(0),
-            leaving: None,
+            leaving: Leaving::default(),
             alarm_sound: AlarmSound::default(),
             marks: Bookmarks::default(),
             follow: None,

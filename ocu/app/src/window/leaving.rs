@@ -1,72 +1,176 @@
-//! Asks before a run is left that would be lost: one with commands, parameters or driving of the user.
+//! Asks before a source is left that would be lost: one with commands, parameters or driving of the user, or one that is
+//! being recorded. It is left for another source, or because the window closes.
 
+use super::recording;
 use crate::open::Request;
 use egui::Align2;
 use rcs_runtime::source::{Frame, SourceKind};
+use std::path::PathBuf;
 
-/// Number of writes into the runs of a source that nothing else has.
-pub(super) fn lost_with(frame: &Frame) -> u64 {
-    match frame.info.kind {
-        SourceKind::Log => 0,
-        SourceKind::Replay | SourceKind::Stack => frame.runs.all.iter().map(|run| run.writes as u64).sum(),
+/// What leaving a source ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Lost {
+    /// Number of writes into its runs that nothing else has.
+    writes: u64,
+    /// The file of the recording that ends.
+    recording: Option<PathBuf>,
+}
+
+impl Lost {
+    /// What leaving this source ends; `None` if nothing would be lost.
+    pub(super) fn with(frame: &Frame) -> Option<Self> {
+        let writes = match frame.info.kind {
+            SourceKind::Log => 0,
+            SourceKind::Replay | SourceKind::Stack => {
+                frame.runs.all.iter().map(|run| run.writes as u64).sum()
+            }
+        };
+        let recording = recording::running(frame).map(|recording| recording.path.clone());
+        (writes > 0 || recording.is_some()).then_some(Self { writes, recording })
+    }
+
+    fn text(&self) -> String {
+        let acts = match self.writes {
+            0 => None,
+            1 => Some("1 act of yours is".to_owned()),
+            count => Some(format!("{count} acts of yours are")),
+        };
+        let recorded =
+            |path: &PathBuf| format!("The recording ends here, and its file is kept: {}", path.display());
+        match (acts, &self.recording) {
+            (Some(acts), Some(path)) => format!("{acts} in it. {}", recorded(path)),
+            (None, Some(path)) => recorded(path),
+            (Some(acts), None) => {
+                format!("{acts} in it, and it is not recorded: it cannot be shown again.")
+            }
+            (None, None) => String::new(),
+        }
     }
 }
 
-/// The question, while it is open.
+/// What comes after the source.
 #[derive(Debug)]
+pub(super) enum Next {
+    /// Another source.
+    Open(Request),
+    /// The window closes.
+    Close,
+}
+
+impl Next {
+    fn name(&self) -> String {
+        match self {
+            Self::Open(request) => format!("Leave it, open {}", request.title()),
+            Self::Close => "Leave it, close the window".to_owned(),
+        }
+    }
+}
+
+/// The question, while it is open, and whether the window may close.
+#[derive(Debug, Default)]
 pub(super) struct Leaving {
-    /// What is to be opened instead.
-    request: Request,
-    writes: u64,
+    question: Option<(Next, Lost)>,
+    may_close: bool,
 }
 
 /// The answer.
-pub(super) enum Answer {
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Answer {
     Open,
     Stay,
-    Leave(Request),
+    Leave,
 }
 
 impl Leaving {
-    pub(super) fn new(request: Request, writes: u64) -> Self {
-        Self { request, writes }
+    /// Opens the question.
+    pub(super) fn ask(&mut self, next: Next, lost: Lost) {
+        self.question = Some((next, lost));
     }
 
-    /// Paints the question.
-    pub(super) fn ui(&self, ctx: &egui::Context) -> Answer {
-        let mut answer = Answer::Open;
-        let mut open = true;
-        egui::Window::new("Leave this run?")
-            .collapsible(false)
-            .resizable(false)
-            .anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO)
-            .open(&mut open)
-            .show(ctx, |ui| {
-                ui.set_max_width(360.0);
-                let what = if self.writes == 1 { "act of yours is" } else { "acts of yours are" };
-                let text = format!(
-                    "{} {what} in it, and it is not recorded: it cannot be shown again.",
-                    self.writes
-                );
-                ui.add(egui::Label::new(text).wrap());
-                ui.add_space(8.0);
-                ui.horizontal(|ui| {
-                    let stay = ui.button("Stay");
-                    if ui.memory(|memory| memory.focused().is_none()) {
-                        stay.request_focus();
-                    }
-                    if stay.clicked() {
-                        answer = Answer::Stay;
-                    }
-                    if ui.button(format!("Leave it, open {}", self.request.title())).clicked() {
-                        answer = Answer::Leave(self.request.clone());
-                    }
-                });
-            });
-        let escaped = ctx.input(|input| input.key_pressed(egui::Key::Escape));
-        match answer {
-            Answer::Open if !open || escaped => Answer::Stay,
-            answer => answer,
+    /// Whether the window stays open although it is to close, until the question is answered.
+    pub(super) fn keeps_open(&mut self, lost: Option<Lost>) -> bool {
+        let Some(lost) = lost.filter(|_| !self.may_close) else { return false };
+        self.ask(Next::Close, lost);
+        true
+    }
+
+    /// Paints the question while it is open; returns what comes next, once the user agrees.
+    pub(super) fn ui(&mut self, ctx: &egui::Context) -> Option<Next> {
+        let (next, lost) = self.question.as_ref()?;
+        match question_ui(ctx, &lost.text(), &next.name()) {
+            Answer::Open => None,
+            Answer::Stay => {
+                self.question = None;
+                None
+            }
+            Answer::Leave => {
+                let (next, _) = self.question.take()?;
+                self.may_close = matches!(next, Next::Close);
+                Some(next)
+            }
         }
+    }
+}
+
+/// Paints the question, with the name of the button that leaves.
+fn question_ui(ctx: &egui::Context, text: &str, leave: &str) -> Answer {
+    let mut answer = Answer::Open;
+    let mut open = true;
+    egui::Window::new("Leave this run?")
+        .collapsible(false)
+        .resizable(false)
+        .anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO)
+        .open(&mut open)
+        .show(ctx, |ui| {
+            ui.set_max_width(360.0);
+            ui.add(egui::Label::new(text).wrap());
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                let stay = ui.button("Stay");
+                if ui.memory(|memory| memory.focused().is_none()) {
+                    stay.request_focus();
+                }
+                if stay.clicked() {
+                    answer = Answer::Stay;
+                }
+                if ui.button(leave).clicked() {
+                    answer = Answer::Leave;
+                }
+            });
+        });
+    let escaped = ctx.input(|input| input.key_pressed(egui::Key::Escape));
+    match answer {
+        Answer::Open if !open || escaped => Answer::Stay,
+        answer => answer,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_stays_open_until_the_user_agrees_to_what_is_lost() {
+        let lost = || Some(Lost { writes: 2, recording: None });
+        let mut leaving = Leaving::default();
+        assert!(!leaving.keeps_open(None) && leaving.question.is_none());
+        assert!(leaving.keeps_open(lost()));
+        assert!(matches!(leaving.question, Some((Next::Close, _))));
+        assert!(leaving.keeps_open(lost()), "a second attempt asks again");
+        leaving.may_close = true;
+        assert!(!leaving.keeps_open(lost()));
+    }
+
+    #[test]
+    fn the_question_says_what_is_lost_and_what_is_kept() {
+        let text =
+            |writes, recording: Option<&str>| Lost { writes, recording: recording.map(PathBuf::from) }.text();
+        assert_eq!(
+            text(1, None),
+            "1 act of yours is in it, and it is not recorded: it cannot be shown again."
+        );
+        let kept = "The recording ends here, and its file is kept: a.mcap";
+        assert_eq!(text(0, Some("a.mcap")), kept);
+        assert_eq!(text(2, Some("a.mcap")), format!("2 acts of yours are in it. {kept}"));
     }
 }

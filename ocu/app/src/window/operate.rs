@@ -4,6 +4,8 @@ use super::joystick::Joystick;
 use egui::Key;
 use ocu_views::Selection;
 use ocu_views::operator::{self, DriveLimits, Hand, Inputs};
+use rcs_msg::{Stamp, rcs};
+use rcs_runtime::Moment;
 use rcs_runtime::source::{Control, Frame, HeldControl};
 use std::time::{Duration, Instant};
 
@@ -33,12 +35,61 @@ pub(super) enum StopState {
     },
 }
 
-/// A request that the vehicle has not confirmed.
+/// A request that the vehicle has not confirmed. It holds from one moment of a run on. At other moments, which the user
+/// looks at or plays, it is not shown, and it is not sent again.
 #[derive(Debug)]
 struct Asked {
+    /// Whether a stop was requested, rather than a release.
     active: bool,
+    /// The moment from which it holds: the one that was viewed at the request, then the one at which the run has the
+    /// message.
+    from: Moment,
+    /// Whether the run has the message.
+    has_arrived: bool,
+    /// Time in the last message that was sent.
+    stamp: Stamp,
+    /// Since when the vehicle could have confirmed it.
     since: Instant,
+    /// When it was last sent.
     sent: Instant,
+}
+
+impl Asked {
+    fn new(frame: &Frame, active: bool, now: Instant) -> Self {
+        let (from, stamp) = (frame.runs.moment, frame.now);
+        Self { active, from, has_arrived: false, stamp, since: now, sent: now }
+    }
+
+    /// Whether it holds at the viewed moment.
+    fn holds(&self, frame: &Frame) -> bool {
+        has_passed(frame, self.from)
+    }
+
+    /// Looks for the message in the run. If the user has just gone elsewhere, it may be at another moment than the
+    /// viewed one.
+    fn find(&mut self, frame: &Frame) {
+        let is_it = |newest: &rcs::EmergencyStop| {
+            newest.active == self.active && newest.timestamp == Some(self.stamp.to_proto())
+        };
+        if !self.has_arrived && newest_message(frame).is_some_and(is_it) {
+            (self.from, self.has_arrived) = (frame.runs.moment, true);
+        }
+    }
+
+    /// Whether it is sent again at a moment at which it holds. A message that the run has is not sent again in the past,
+    /// because it would begin another run.
+    fn is_repeated(&self, frame: &Frame) -> bool {
+        frame.runs.is_at_end || !self.has_arrived
+    }
+
+    /// No confirmation can come now, so the time until it is overdue begins later. A message that the run has takes
+    /// effect by itself when time runs.
+    fn wait(&mut self, now: Instant) {
+        self.since = now;
+        if self.has_arrived {
+            self.sent = now;
+        }
+    }
 }
 
 /// State of manual operation.
@@ -84,20 +135,21 @@ impl Operating {
     /// Requests an emergency stop, or its release.
     pub(super) fn emergency_stop(&mut self, frame: &Frame, active: bool, controls: &mut Vec<Control>) {
         let now = Instant::now();
-        let since = match &self.asked {
-            Some(asked) if asked.active == active => asked.since,
-            _ => now,
-        };
-        self.asked = Some(Asked { active, since, sent: now });
+        let again = self.asked.as_mut().filter(|asked| asked.active == active && asked.holds(frame));
+        if let Some(asked) = again {
+            (asked.stamp, asked.sent) = (frame.now, now);
+        } else {
+            self.asked = Some(Asked::new(frame, active, now));
+        }
         send(frame, active, controls);
     }
 
-    /// State of the emergency stop.
+    /// State of the emergency stop at the viewed moment.
     pub(super) fn stop_state(&self, frame: &Frame) -> StopState {
         if Inputs::of(frame).emergency_stop.is_none() {
             return StopState::None;
         }
-        match &self.asked {
+        match self.asked.as_ref().filter(|asked| asked.holds(frame)) {
             Some(asked) if Some(asked.active) != confirmed(frame) => StopState::Asked {
                 active: asked.active,
                 late: frame.playback.playing && asked.since.elapsed() > LATE,
@@ -115,17 +167,7 @@ impl Operating {
         selection: &Selection,
         controls: &mut Vec<Control>,
     ) {
-        if let Some(asked) = &mut self.asked {
-            if confirmed(frame) == Some(asked.active) {
-                self.asked = None;
-            } else if frame.playback.playing {
-                ui.ctx().request_repaint_after(RESEND);
-                if asked.sent.elapsed() >= RESEND {
-                    asked.sent = Instant::now();
-                    send(frame, asked.active, controls);
-                }
-            }
-        }
+        self.repeat(ui, frame, controls);
         let inputs = Inputs::of(frame);
         let may_drive =
             frame.playback.playing && matches!(self.stop_state(frame), StopState::None | StopState::Clear);
@@ -148,6 +190,43 @@ impl Operating {
         controls.push(Control::Hold(held));
         ui.ctx().request_repaint_after(RENEW);
     }
+
+    /// Repeats a request until the vehicle confirms it.
+    fn repeat(&mut self, ui: &egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
+        let Some(asked) = &mut self.asked else { return };
+        asked.find(frame);
+        let holds = asked.holds(frame);
+        if holds && confirmed(frame) == Some(asked.active) {
+            self.asked = None;
+        } else if !holds || !frame.playback.playing {
+            asked.wait(Instant::now());
+        } else if asked.is_repeated(frame) {
+            ui.ctx().request_repaint_after(RESEND);
+            if asked.sent.elapsed() >= RESEND {
+                (asked.stamp, asked.sent) = (frame.now, Instant::now());
+                send(frame, asked.active, controls);
+            }
+        }
+    }
+}
+
+/// Whether the viewed run has passed a moment, of its own or of a run that it branched from after that moment.
+fn has_passed(frame: &Frame, moment: Moment) -> bool {
+    let mut at = frame.runs.moment;
+    while at.run > moment.run {
+        let branched = frame.runs.all.get(at.run.0 as usize).and_then(|run| run.branched_from);
+        let Some((from, _)) = branched.filter(|(from, _)| from.run < at.run) else { return false };
+        // A moment before the branch is shared with the other run.
+        let (event, write) = (at.event, at.write).min((from.event, from.write));
+        at = Moment { run: from.run, event, write };
+    }
+    at.run == moment.run && at >= moment
+}
+
+/// The newest message of the emergency stop at the viewed moment.
+fn newest_message(frame: &Frame) -> Option<&rcs::EmergencyStop> {
+    let buffer = Inputs::of(frame).emergency_stop?;
+    frame.topic(&buffer)?.get()
 }
 
 /// The emergency stop as reported by the vehicle; `None` without a report.
@@ -176,4 +255,58 @@ fn keys(ui: &egui::Ui) -> Hand {
         };
         Hand { forward: axis(Key::W, Key::S), left: axis(Key::A, Key::D), slow: input.modifiers.shift }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_runtime::source::{Runs, SourceInfo, SourceKind};
+    use rcs_runtime::{RunId, RunSummary};
+    use std::sync::Arc;
+
+    fn moment(run: u32, event: u64, write: u32) -> Moment {
+        Moment { run: RunId(run), event, write }
+    }
+
+    /// A moment of a source with three runs: run 1 began in run 0 after 100 events, run 2 in run 1 after 150.
+    fn frame(at: Moment) -> Frame {
+        let info = SourceInfo {
+            kind: SourceKind::Stack,
+            title: String::new(),
+            detail: String::new(),
+            start: Stamp(0),
+            end: None,
+            problems: Vec::new(),
+            gaps: Vec::new(),
+        };
+        let began = [None, Some(moment(0, 100, 0)), Some(moment(1, 150, 2))];
+        let runs = began.into_iter().zip(0..).map(|(from, id)| RunSummary {
+            id: RunId(id),
+            branched_from: from.map(|from| (from, Stamp(from.event))),
+            end: Stamp(200),
+            events: 200,
+            writes: 1,
+        });
+        let runs = Runs { all: runs.collect(), moment: at, ..Runs::default() };
+        Frame { runs, ..Frame::empty(Arc::new(info), Stamp(at.event)) }
+    }
+
+    #[test]
+    fn a_moment_is_passed_in_its_run_and_in_those_that_branched_from_it_later() {
+        for (passed, viewed, is_passed) in [
+            ((0, 80, 1), (0, 80, 1), true),
+            ((0, 80, 1), (0, 81, 0), true),
+            ((0, 80, 1), (0, 80, 0), false),
+            ((0, 80, 1), (2, 160, 0), true),
+            ((0, 80, 1), (2, 79, 0), false),
+            ((0, 100, 1), (1, 180, 0), false),
+            ((0, 100, 0), (1, 100, 1), true),
+            ((1, 120, 0), (2, 130, 0), true),
+            ((1, 151, 0), (2, 160, 0), false),
+            ((1, 120, 0), (0, 180, 0), false),
+        ] {
+            let of = |(run, event, write): (u32, u64, u32)| moment(run, event, write);
+            assert_eq!(has_passed(&frame(of(viewed)), of(passed)), is_passed, "{passed:?} at {viewed:?}");
+        }
+    }
 }

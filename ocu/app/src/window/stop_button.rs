@@ -79,7 +79,10 @@ pub(super) fn ui(ui: &mut Ui, form: Form, state: StopState, pushed: bool) -> Opt
         let release = ui.new_child(egui::UiBuilder::new().max_rect(place)).add_enabled(!pushed, button);
         release.widget_info(|| WidgetInfo::labeled(Role::Button, !pushed, "Release"));
         let release = release
-            .on_hover_text("Release the stop: let the vehicle move again")
+            .on_hover_text(
+                "Release the stop: a stack that drives goes on at once; by hand, nothing moves until the controls have \
+                 been let go and are used again",
+            )
             .on_disabled_hover_text("Let go of the controls first: a release must not start motion.");
         if release.clicked() {
             wish = Some(false);

@@ -11,7 +11,9 @@ use egui::{Rect, Role, Sense, Stroke, WidgetInfo};
 use ocu_ui::{Tokens, tokens};
 use ocu_views::{Hover, Selection};
 use rcs_msg::Stamp;
+use rcs_runtime::RunId;
 use rcs_runtime::source::{Control, EventKind, Frame, Step};
+use std::collections::BTreeMap;
 
 /// Height of the bar.
 const BAR: f32 = 28.0;
@@ -26,6 +28,8 @@ pub(super) struct Timeline {
     asked: Option<Stamp>,
     /// The latest time reached by a source without an end.
     furthest: Stamp,
+    /// The newest time of each run of such a source.
+    newest: BTreeMap<RunId, Stamp>,
     /// Where the user went, until the source is there.
     going_to: Option<Stamp>,
     /// What the bar shows; everything where `None`.
@@ -34,7 +38,14 @@ pub(super) struct Timeline {
 
 impl Default for Timeline {
     fn default() -> Self {
-        Self { unit: Unit::Message(None), asked: None, furthest: Stamp(0), going_to: None, range: None }
+        Self {
+            unit: Unit::Message(None),
+            asked: None,
+            furthest: Stamp(0),
+            newest: BTreeMap::new(),
+            going_to: None,
+            range: None,
+        }
     }
 }
 
@@ -62,7 +73,10 @@ impl Timeline {
                 Control::Step(Step::Time { ns: if back { -SECOND_NS } else { SECOND_NS } })
             }
             Command::ToStart => Control::Seek(frame.info.start),
-            Command::ToEnd => Control::Seek(frame.info.end.unwrap_or(self.furthest)),
+            Command::ToEnd => {
+                let newest = self.newest.get(&frame.runs.current()).copied().unwrap_or(self.furthest);
+                Control::Seek(frame.info.end.unwrap_or(newest))
+            }
             Command::Loop => Control::Loop(!playback.looping),
             Command::NextEvent { back } => {
                 let wanted = &EventKind::ALL[..EventKind::ALL.len() - 1];
@@ -119,6 +133,9 @@ impl Timeline {
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 2.0, tokens.canvas());
         self.furthest = self.furthest.max(frame.now);
+        if frame.runs.is_at_end {
+            self.newest.insert(frame.runs.current(), frame.now);
+        }
         // For a source without an end, the bar ends at a whole minute ahead.
         let end = frame.info.end.unwrap_or_else(|| {
             let minutes = (self.furthest.seconds_since(frame.info.start) / 60.0).floor() as u64 + 1;

@@ -6,7 +6,7 @@ use super::operate::StopState;
 use super::recording;
 use super::top_menus::{course_menu, layout_menu, open_menu, runs_menu, stack_menu};
 use super::top_state::{Actions, State, TopBarAction};
-use super::top_tags::{alarms, authority, kind, opening, problems, run_state};
+use super::top_tags::{alarms, authority, kind, opening, past, problems, run_state};
 use super::tree::view_menu;
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::{icons, tokens, widgets};
@@ -68,11 +68,7 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
         });
     }
     if frame.info.kind != SourceKind::Log && !frame.runs.is_at_end && !frame.runs.all.is_empty() {
-        bar.left("past", Fit::Leaves(105), |ui, _, _| {
-            let help = "This moment is in the past of the run: a command, a parameter or driving from here begins \
-                        another run, and this one is kept.";
-            widgets::tag(ui, "PAST", tokens(ui).warning).on_hover_text(help);
-        });
+        bar.left("past", Fit::Leaves(105), |ui, form, actions| past(ui, form, state, actions));
     }
     bar.left("authority", Fit::Leaves(85), |ui, form, _| authority(ui, form, frame));
     bar.left("alarms", Fit::Leaves(115), |ui, form, actions| alarms(ui, form, state, frame, actions));

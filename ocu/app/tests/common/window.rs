@@ -1,7 +1,7 @@
 //! What the tests of the window share: the complete window without a display, on a recording or on a stack.
 
 use egui::accesskit::Role;
-use egui::{Event, Key, Modifiers};
+use egui::{Event, Key, Modifiers, ViewportCommand, ViewportEvent, ViewportId};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ocu_app::layout::Layout;
@@ -37,6 +37,7 @@ pub(crate) fn harness<'a>(options: Options) -> Harness<'a, State> {
     Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
         move |ui, state: &mut State| {
             if let Some(window) = state {
+                window.logic(ui.ctx());
                 window.ui(ui);
             } else {
                 // Fonts are available from the next pass on.
@@ -128,6 +129,24 @@ impl egui::DroppedFile for Dropped {
 /// Drops a file on the window.
 pub(crate) fn drop_file(harness: &mut Harness<'_, State>, path: &Path) {
     harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
+}
+
+/// Does what the desktop does when the user closes the window; returns whether it closes.
+pub(crate) fn closes(harness: &mut Harness<'_, State>) -> bool {
+    let window = harness.input_mut().viewports.get_mut(&ViewportId::ROOT).unwrap();
+    window.events.push(ViewportEvent::Close);
+    harness.step();
+    !has_told(harness, &ViewportCommand::CancelClose)
+}
+
+/// Whether the window has told the desktop this in the last pass.
+pub(crate) fn has_told(harness: &Harness<'_, State>, command: &ViewportCommand) -> bool {
+    harness.output().viewport_output[&ViewportId::ROOT].commands.contains(command)
+}
+
+/// Number of writes into all runs.
+pub(crate) fn writes(frame: &Frame) -> usize {
+    frame.runs.all.iter().map(|run| run.writes).sum()
 }
 
 /// Replaces the text of the field with this label.
