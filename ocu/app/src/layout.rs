@@ -202,6 +202,32 @@ fn line_of_share(text: &str, share: f32) -> usize {
 }
 
 impl Node {
+    /// Tiles in a grid. Where a grid that is as high as wide would have free places, they are rows, of which the last one
+    /// is filled by fewer tiles.
+    pub fn grid(tiles: Vec<Self>) -> Self {
+        let count = tiles.len();
+        let columns = (1..=count).find(|side| side * side >= count).unwrap_or(1);
+        if count.is_multiple_of(columns) {
+            return Self::Grid(tiles);
+        }
+        let mut rows: Vec<Vec<Self>> = Vec::new();
+        for tile in tiles {
+            match rows.last_mut() {
+                Some(row) if row.len() < columns => row.push(tile),
+                _ => rows.push(vec![tile]),
+            }
+        }
+        Self::Column(rows.into_iter().map(|row| (1.0, Self::row(row))).collect())
+    }
+
+    /// Tiles of one width side by side; a single one as it is.
+    fn row(mut tiles: Vec<Self>) -> Self {
+        if tiles.len() == 1 {
+            return tiles.remove(0);
+        }
+        Self::Row(tiles.into_iter().map(|tile| (1.0, tile)).collect())
+    }
+
     fn add_fields(&self, fields: &mut Vec<FieldRef>) {
         match self {
             Self::Row(tiles) | Self::Column(tiles) => {
@@ -303,6 +329,28 @@ mod tests {
             let again = Layout::parse("again", &layout.to_text().unwrap()).unwrap();
             assert_eq!(layout, again);
         }
+    }
+
+    #[test]
+    fn the_last_tile_of_a_grid_fills_its_row() {
+        let tiles = |count: u64| -> Vec<Node> {
+            let view = |id| Node::View {
+                kind: "camera".to_owned(),
+                state: SavedState::Null,
+                run: RunChoice::Shown,
+                id,
+            };
+            (1..=count).map(view).collect()
+        };
+        for count in [0, 1, 2, 4, 6, 9] {
+            assert_eq!(Node::grid(tiles(count)), Node::Grid(tiles(count)), "{count}");
+        }
+        let [a, b, c] = <[Node; 3]>::try_from(tiles(3)).unwrap();
+        let expected = Node::Column(vec![(1.0, Node::Row(vec![(1.0, a), (1.0, b)])), (1.0, c)]);
+        assert_eq!(Node::grid(tiles(3)), expected);
+        let Node::Column(rows) = Node::grid(tiles(5)) else { panic!("five tiles in rows") };
+        let lengths = rows.iter().map(|(_, row)| if let Node::Row(tiles) = row { tiles.len() } else { 1 });
+        assert_eq!(lengths.collect::<Vec<_>>(), [3, 2]);
     }
 
     #[track_caller]

@@ -95,7 +95,7 @@ impl Content {
         match views.len() {
             0 => None,
             1 => Some(views.remove(0)),
-            _ => Some(Node::Grid(views)),
+            _ => Some(Node::grid(views)),
         }
     }
 

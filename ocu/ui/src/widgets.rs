@@ -2,8 +2,14 @@
 
 use crate::{Icon, icons, tokens};
 use egui::{
-    Align2, Button, Color32, FontId, Rect, Response, RichText, Role, Sense, TextEdit, Ui, Vec2, WidgetInfo,
+    Align2, Button, Color32, FontId, Label, Rect, RectAlign, Response, RichText, Role, Sense, TextEdit,
+    TextStyle, Tooltip, Ui, Vec2, WidgetInfo,
 };
+
+/// Size of the icon of an empty panel.
+const ICON_OF_EMPTY: f32 = 28.0;
+/// Distance of help from what it is of, so that it lies beside the scroll bar of a list.
+const GAP_OF_HELP: f32 = 12.0;
 
 /// Monospaced text, for numbers and paths.
 pub fn mono(text: impl Into<String>) -> RichText {
@@ -58,16 +64,53 @@ pub fn search(ui: &mut Ui, text: &mut String, name: &str) -> Response {
     .inner
 }
 
-/// Text of an empty panel: what it would show, and how to get it.
+/// Text of an empty panel: what it would show, and how to get it. Where there is little height, the icon gives way to the
+/// text, and then the hint to the title.
 pub fn empty(ui: &mut Ui, icon: Icon, title: &str, hint: &str) {
     let tokens = tokens(ui);
-    let height = ui.available_height();
+    let room = ui.available_size();
+    let gap = ui.spacing().item_spacing.y;
+    let height_of = |text: &str, style: TextStyle| {
+        let galley = ui.painter().layout(text.to_owned(), style.resolve(ui.style()), tokens.text, room.x);
+        galley.size().y + gap
+    };
+    let title_height = height_of(title, TextStyle::Body);
+    let text_height = title_height + height_of(hint, TextStyle::Small);
+    let icon_height = ICON_OF_EMPTY * 1.5 + gap;
+    let has_icon = icon_height + text_height <= room.y;
+    let has_hint = text_height <= room.y;
+    let free = match (has_icon, has_hint) {
+        (true, _) => room.y - icon_height - text_height,
+        (false, true) => room.y - text_height,
+        (false, false) => room.y - title_height,
+    };
+    let above = if has_icon { (room.y / 2.0 - 48.0).max(8.0).min(free) } else { free / 2.0 };
     ui.vertical_centered(|ui| {
-        ui.add_space((height / 2.0 - 48.0).max(8.0));
-        ui.label(icon.rich_text().size(28.0).color(tokens.unknown));
-        ui.label(RichText::new(title).color(tokens.text));
-        ui.add(egui::Label::new(RichText::new(hint).small().color(tokens.weak)).wrap());
+        ui.add_space(above.max(0.0));
+        if has_icon {
+            ui.label(icon.rich_text().size(ICON_OF_EMPTY).color(tokens.unknown));
+        }
+        let said = ui.add(Label::new(RichText::new(title).color(tokens.text)).wrap());
+        if has_hint {
+            ui.add(Label::new(RichText::new(hint).small().color(tokens.weak)).wrap());
+        } else {
+            said.on_hover_text(hint);
+        }
     });
+}
+
+/// Shows help beside a widget. A tooltip below it would cover the next entry of a list.
+pub fn help_beside(response: Response, help: &str) -> Response {
+    const INSTEAD: [RectAlign; 3] = [RectAlign::LEFT_START, RectAlign::TOP_START, RectAlign::BOTTOM_START];
+    // As a tooltip of `egui` does.
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_description(help));
+    let mut tooltip = Tooltip::for_enabled(&response).gap(GAP_OF_HELP);
+    tooltip.popup = tooltip.popup.align(RectAlign::RIGHT_START).align_alternatives(&INSTEAD);
+    tooltip.show(|ui| {
+        ui.set_max_width(ui.spacing().tooltip_width);
+        ui.label(help);
+    });
+    response
 }
 
 /// A word in a coloured outline, for a state that must not be shown by colour alone.
@@ -87,7 +130,7 @@ pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> 
         let (rect, _) = ui.allocate_exact_size(Vec2::new(name_width, 16.0), Sense::hover());
         let weak = tokens(ui).weak;
         ui.painter().text(rect.left_center(), Align2::LEFT_CENTER, name, FontId::proportional(12.0), weak);
-        ui.add(egui::Label::new(value).truncate())
+        ui.add(Label::new(value).truncate())
     })
     .inner
 }

@@ -213,7 +213,8 @@ impl Details {
         ScrollArea::vertical().id_salt("commands").auto_shrink(false).show(ui, |ui| {
             for info in &process.commands {
                 let is_chosen = chosen.is_some_and(|chosen| chosen.name == info.name);
-                if row(ui, is_chosen, &info.name, "").on_hover_text(&info.help).clicked() {
+                let response = row(ui, is_chosen, &info.name, "");
+                if widgets::help_beside(response, &info.help).clicked() {
                     self.saved.commands.insert(process.name.clone(), info.name.clone());
                 }
             }

@@ -11,6 +11,7 @@ use egui::{
 use ocu_ui::widgets::{self, mono, name_value};
 use ocu_ui::{Icon, format, icons, stale, tokens};
 use rcs_msg::rcs::{self, CourseOutcome};
+use rcs_runtime::Role::Mission;
 use rcs_runtime::source::{Frame, Topic};
 
 /// Width of the name column.
@@ -53,8 +54,9 @@ impl View for Drive {
                     (ui.spacing_mut().item_spacing.y, ui.spacing_mut().interact_size.y) = (2.0, 16.0);
                     if let Some(run) = run {
                         course(ui, run);
-                        ui.add_space(8.0);
                     }
+                    mission(ui, cx.frame);
+                    ui.add_space(8.0);
                     motion(ui, cx.frame, &inputs, vehicle);
                 });
             };
@@ -228,6 +230,25 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
         let reason = egui::RichText::new(&status.last_refusal).color(tokens.warning);
         ui.add(egui::Label::new(reason).wrap());
     }
+}
+
+/// How many of the goals that the operator has sent are reached.
+fn mission(ui: &mut Ui, frame: &Frame) {
+    let missions = frame.topics_of_type("rcs.Mission").filter(|topic| topic.role() == Some(Mission));
+    let Some(mission) = missions.filter_map(Topic::get::<rcs::Mission>).find(|it| !it.goals.is_empty())
+    else {
+        return;
+    };
+    let (reached, all) = (mission.reached as usize, mission.goals.len());
+    let color = if reached >= all { tokens(ui).ok } else { tokens(ui).text };
+    let text = if all == 1 && reached == 1 {
+        "goal reached".to_owned()
+    } else {
+        format!("{reached} of {all} goals reached")
+    };
+    name_value(ui, NAMES, "Mission", egui::RichText::new(text).color(color)).on_hover_text(
+        "The goals that were sent to the robot; they take the place of the goal of the course.",
+    );
 }
 
 /// Progress of the course.

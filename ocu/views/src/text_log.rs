@@ -182,7 +182,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, event: &Event, is_past: bool) {
     let color = if event.level > EventLevel::Info { color } else { ink };
     let rest = place(rect.width());
     widgets::cell(ui, rest, Align::Min, &text, FontId::proportional(12.0), color);
-    response.on_hover_text(name);
+    widgets::help_beside(response, &name);
 }
 
 /// Icon and colour of an event. The icon has the meaning of the colour.

@@ -6,6 +6,7 @@
 
 use super::per_run::Gathered;
 use super::run_tag::RunTag;
+use rcs_msg::rcs::r#override::Mode;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -406,11 +407,24 @@ fn journal_events(
         "rcs.Override" => {
             let change = <rcs::Override as prost::Message>::decode(event.message.clone()).ok();
             let told = change.as_ref().and_then(crate::faults::told);
-            told.unwrap_or_else(|| "writes Override".to_owned())
+            told.or_else(|| change.as_ref().map(overridden)).unwrap_or_else(|| "writes Override".to_owned())
         }
         schema => format!("writes {}", schema.rsplit('.').next().unwrap_or(schema)),
     };
     add(EventKind::Operator, EventLevel::Info, &event.buffer, text);
+}
+
+/// What an override of the operator does.
+fn overridden(change: &rcs::Override) -> String {
+    let what = format!("{}{}", change.buffer, change.path);
+    let value = if change.path.is_empty() { "a whole message" } else { change.value_json.as_str() };
+    match change.mode() {
+        Mode::Hold => format!("holds {what} = {value}"),
+        Mode::Once => format!("writes {what} = {value} into the next message"),
+        Mode::Release if change.id != 0 => format!("releases override {}", change.id),
+        Mode::Release if change.all && change.buffer.is_empty() => "releases all overrides".to_owned(),
+        Mode::Release => format!("releases {what}"),
+    }
 }
 
 fn bumper_events(
@@ -510,6 +524,24 @@ mod tests {
             watch.take(&journal, Stamp(tenth * 100_000_000), &AnyMessage::new(event));
         }
         assert_eq!(watch.read(RunTag::FIRST).len(), 2);
+    }
+
+    #[test]
+    fn an_override_is_told_with_its_field_and_value() {
+        let told = |mode: Mode, path: &str, id| {
+            overridden(&rcs::Override {
+                buffer: "/imu".to_owned(),
+                path: path.to_owned(),
+                mode: mode.into(),
+                value_json: "5".to_owned(),
+                id,
+                ..rcs::Override::default()
+            })
+        };
+        assert_eq!(told(Mode::Hold, ".x", 0), "holds /imu.x = 5");
+        assert_eq!(told(Mode::Once, "", 0), "writes /imu = a whole message into the next message");
+        assert_eq!(told(Mode::Release, ".x", 0), "releases /imu.x");
+        assert_eq!(told(Mode::Release, "", 3), "releases override 3");
     }
 
     #[test]

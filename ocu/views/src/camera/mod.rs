@@ -25,6 +25,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// Size of a canvas below which it has no room for the name of a topic, screen points.
+const SMALL: Vec2 = Vec2::new(240.0, 120.0);
+
 /// Saved settings of an overlay.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -257,7 +260,7 @@ impl Camera {
         let base = &shown[0].1;
         let place =
             pixel.zip(seen).and_then(|(pixel, seen)| self.place(ui.ctx(), cx.frame, base, pixel, seen));
-        read_out(ui, canvas, pixel, &shown, place.as_ref());
+        read_out(ui, canvas, rect, pixel, &shown, place.as_ref());
         point_at(ui, cx, topic, &response, viewport, canvas, rect, place.map(|(point, _)| point), seen);
     }
 
@@ -309,10 +312,12 @@ impl Camera {
     }
 }
 
-/// The values under the pointer, at a fixed position, so that they can be read while the pointer moves.
+/// The values under the pointer, at a fixed position, so that they can be read while the pointer moves; without it, the
+/// size of the image, unless that would hide much of it. `rect` is where the image is.
 fn read_out(
     ui: &mut Ui,
     canvas: Rect,
+    rect: Rect,
     pixel: Option<[f64; 2]>,
     shown: &[Shown<'_>],
     place: Option<&(HoverPoint, &'static str)>,
@@ -320,11 +325,14 @@ fn read_out(
     let Some((_, base)) = shown.first() else { return };
     let image = &base.image;
     let inside = pixel.filter(|[x, y]| image.index(*x, *y).is_some());
+    let size = format!("{} × {}  {}", image.width, image.height, image.encoding);
+    if inside.is_none() && !hides_little(ui, &size, canvas, rect.intersect(canvas)) {
+        return;
+    }
     legend::plate(ui, canvas, Align2::RIGHT_TOP, |ui| {
         ui.style_mut().interaction.selectable_labels = false;
         let Some([x, y]) = inside else {
-            let text = format!("{} × {}  {}", image.width, image.height, image.encoding);
-            return drop(ui.label(mono(text).small().color(tokens(ui).weak)));
+            return drop(ui.label(mono(size).small().color(tokens(ui).weak)));
         };
         ui.label(mono(format!("{:4} {:4} px", x as usize, y as usize)));
         for (topic, layer) in shown {
@@ -339,6 +347,16 @@ fn read_out(
             ui.label(mono(text).small().color(tokens(ui).weak));
         }
     });
+}
+
+/// Whether a plate with a small text, in the upper right corner of the canvas, hides at most a third of an image.
+fn hides_little(ui: &Ui, text: &str, canvas: Rect, image: Rect) -> bool {
+    /// Distance of a plate from the edge of the canvas, and its margins on both sides.
+    const BESIDE: f32 = 8.0 + 18.0;
+    let font = egui::TextStyle::Small.resolve(ui.style());
+    let text = ui.painter().layout_no_wrap(text.to_owned(), font, tokens(ui).weak);
+    let left = canvas.right() - BESIDE - text.size().x;
+    image.right() - left <= image.width() / 3.0
 }
 
 /// Says which pixel is under the pointer, and the place that it shows; marks the pixel that another view of the same
@@ -381,12 +399,20 @@ fn point_at(
 
 /// A canvas without an image: no message has arrived, or it cannot be decoded.
 fn waiting(ui: &mut Ui, canvas: Rect, cx: &ViewContext<'_>, topic: &Topic, error: Option<&String>) {
+    let is_small = canvas.height() < SMALL.y || canvas.width() < SMALL.x;
     let (title, hint) = if let Some(error) = error {
         ("This image cannot be shown".to_owned(), error.clone())
     } else {
         let at = format::elapsed(cx.frame.time_s());
-        (format!("No image of {} yet at {at}", topic.name), "Play or step on to the first one.".to_owned())
+        // The toolbar has the name of the topic.
+        let title = if is_small {
+            "No image yet".to_owned()
+        } else {
+            format!("No image of {} yet at {at}", topic.name)
+        };
+        (title, "Play or step on to the first one.".to_owned())
     };
-    let builder = egui::UiBuilder::new().max_rect(canvas.shrink2(Vec2::splat(16.0)));
+    let margin = if is_small { 4.0 } else { 16.0 };
+    let builder = egui::UiBuilder::new().max_rect(canvas.shrink(margin));
     ui.scope_builder(builder, |ui| widgets::empty(ui, icons::ICON_IMAGE, &title, &hint));
 }

@@ -13,10 +13,16 @@ use rcs_world::{Label, MapMessage, Source, Weights, weights_of};
 use std::collections::BTreeSet;
 use std::fmt::Display;
 
-/// Widths of columns, characters.
+/// Widths of columns, characters; that of the frame is with the gap before it.
 const NAME: usize = 11;
 const NUMBER: usize = 9;
 const OF_SOURCE: usize = 8;
+const FRAME: usize = 9;
+/// The greatest cost.
+const MOST_COST: f64 = 250.0;
+/// The fields of the fused cost, and those of the time at which the cell changed.
+const FUSED: [&str; 4] = ["cost", "confidence", "source", "label"];
+const CHANGED: [&str; 2] = ["updated_s", "updated_ns"];
 
 /// A cell of a grid at a moment.
 pub(super) struct Content<'a> {
@@ -60,20 +66,84 @@ impl MadeBy {
     }
 }
 
+/// What finds room on the map.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// Characters of the monospaced font in a line; at least one.
+    pub(super) chars: usize,
+    /// Lines that fit into the map.
+    pub(super) lines: usize,
+    /// Those of them that anything but the costs of sources may use.
+    pub(super) usual: usize,
+}
+
+impl Room {
+    /// Lines that a text takes.
+    fn lines_of(&self, text: &str) -> usize {
+        text.chars().count().div_ceil(self.chars.max(1)).max(1)
+    }
+
+    pub(super) fn take(&mut self, lines: usize) {
+        self.lines = self.lines.saturating_sub(lines);
+        self.usual = self.usual.saturating_sub(lines);
+    }
+
+    /// Writes a text in the monospaced font.
+    pub(super) fn write(&mut self, ui: &mut Ui, text: &str) {
+        self.take(self.lines_of(text));
+        ui.label(mono(text));
+    }
+
+    fn write_weak(&mut self, ui: &mut Ui, text: &str) {
+        self.take(self.lines_of(text));
+        ui.label(RichText::new(text).small().color(tokens(ui).weak));
+    }
+}
+
+/// The fields that were written, and the number of those that found no room beside others.
+#[derive(Default)]
+struct Told {
+    names: BTreeSet<String>,
+    hidden: usize,
+}
+
+impl Told {
+    fn add<'n>(&mut self, names: impl IntoIterator<Item = &'n str>) {
+        self.names.extend(names.into_iter().map(str::to_owned));
+    }
+}
+
 impl Content<'_> {
     fn value(&self, name: &str) -> Option<f64> {
         self.cells.read(name, self.cell)
     }
 
+    fn sources(&self) -> impl Iterator<Item = &str> {
+        self.cells.names().filter_map(|name| name.strip_prefix("cost."))
+    }
+
+    /// Whether a source has a cost or a confidence for the cell.
+    fn knows(&self, source: &str) -> bool {
+        self.value(&format!("cost.{source}")).is_some_and(is_cost)
+            || self.value(&format!("conf.{source}")).is_some_and(|confidence| confidence > 0.0)
+    }
+
+    /// Whether the grid is one of costs, and has none for the cell.
+    pub(super) fn is_unknown(&self) -> bool {
+        let fused = self.value("cost");
+        let is_of_costs = fused.is_some() || self.sources().next().is_some();
+        is_of_costs && !fused.is_some_and(is_cost) && !self.sources().any(|source| self.knows(source))
+    }
+
     /// The layer and the cell; `may_be_kept` says how to keep what is shown.
-    pub(super) fn title(&self, ui: &mut Ui, layer: &str, may_be_kept: bool) {
+    pub(super) fn title(&self, ui: &mut Ui, room: &mut Room, layer: &str, may_be_kept: bool) {
         let [column, row] = self.cell;
         let keeps = if may_be_kept { "   click: keep" } else { "" };
-        weak(ui, format!("{layer}  cell {column}, {row}{keeps}"));
+        room.write_weak(ui, &format!("{layer}  cell {column}, {row}{keeps}"));
     }
 
     /// The fused cost, if there is one, and by which source; returns the fields that it tells.
-    pub(super) fn fused(&self, ui: &mut Ui) -> &'static [&'static str] {
+    fn fused(&self, ui: &mut Ui, room: &mut Room) -> &'static [&'static str] {
         let Some(fused) = self.value("cost") else { return &[] };
         let confidence = self.value("confidence").map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
         let place = self.value("source").unwrap_or(f64::NAN);
@@ -84,101 +154,139 @@ impl Content<'_> {
             Some(label) if label == f64::from(Label::Obstacle as u8) => "  obstacle",
             _ => "",
         };
-        let cost = if fused > 250.0 { "unknown".to_owned() } else { format!("cost {fused:3}") };
+        let cost = if fused > MOST_COST { "unknown".to_owned() } else { format!("cost {fused:3}") };
         let name = fused_name(self.is_edited);
-        ui.label(mono(format!("{name:<NAME$}{cost}{confidence}{label}{by}")));
-        &["cost", "confidence", "source", "label"]
+        room.write(ui, &format!("{name:<NAME$}{cost}{confidence}{label}{by}"));
+        &FUSED
     }
 
     /// One line: the fused cost, or the first numbers.
-    pub(super) fn brief(&self, ui: &mut Ui) {
-        if self.fused(ui).is_empty() {
+    pub(super) fn brief(&self, ui: &mut Ui, room: &mut Room) {
+        if self.fused(ui, room).is_empty() {
             let names = self.cells.names().take(3);
             let one = |name: &str| format!("{name} {}", self.value(name).map(short).unwrap_or_default());
-            ui.label(mono(names.map(one).collect::<Vec<_>>().join("  ")));
+            room.write(ui, &names.map(one).collect::<Vec<_>>().join("  "));
         }
     }
 
-    fn sources(&self) -> impl Iterator<Item = &str> {
-        self.cells.names().filter_map(|name| name.strip_prefix("cost."))
-    }
-
-    /// Everything that the cell holds. What finds no room in `most_lines` is counted; what each source says, and by which
-    /// message, always has room. Where sources can be clicked, returns the one that was.
-    pub(super) fn show(&self, ui: &mut Ui, most_lines: usize, clickable: bool) -> Option<MadeBy> {
-        let mut told: BTreeSet<String> = self.fused(ui).iter().map(|name| (*name).to_owned()).collect();
-        let clicked = self.source_rows(ui, clickable, &mut told);
-        self.change(ui, &mut told);
-        // Position, title, fused cost, the heading of the sources and the time of the change take seven lines.
-        let mut room = most_lines.saturating_sub(7 + self.sources().count());
-        self.part_rows(ui, &mut room, &mut told);
+    /// Everything that the cell holds; of a cell that no source knows, what else is known of it. What finds no room is
+    /// counted; what each source says, and by which message, comes first. Where sources can be clicked, returns the one
+    /// that was.
+    pub(super) fn show(&self, ui: &mut Ui, room: &mut Room, clickable: bool) -> Option<MadeBy> {
+        let (mut told, mut clicked) = (Told::default(), None);
+        let is_unknown = self.is_unknown();
+        if is_unknown {
+            room.write(ui, "unknown");
+            let sources: Vec<&str> = self.sources().collect();
+            self.columns(&sources, &mut told);
+            told.add(FUSED.into_iter().chain(CHANGED));
+        } else {
+            told.add(self.fused(ui, room).iter().copied());
+            clicked = self.source_rows(ui, room, clickable, &mut told);
+            self.change(ui, room, &mut told);
+        }
+        self.part_rows(ui, room, &mut told);
+        if is_unknown {
+            let is_empty = |name: &&str| self.value(name).is_none_or(says_nothing);
+            told.add(self.cells.names().filter(is_empty));
+        }
         self.rest(ui, room, &told);
         clicked
     }
 
-    /// A row for each source, with all fields that are named after sources: `cost.stereo`, `conf.stereo`, and its weight.
-    fn source_rows(&self, ui: &mut Ui, clickable: bool, told: &mut BTreeSet<String>) -> Option<MadeBy> {
-        let sources: Vec<&str> = self.sources().collect();
+    /// The names of the numbers that sources have, without that of their message; all their fields are told.
+    fn columns(&self, sources: &[&str], told: &mut Told) -> Vec<&str> {
         let mut columns: Vec<&str> = Vec::new();
         for name in self.cells.names() {
             if let Some((column, source)) = name.split_once('.')
                 && sources.contains(&source)
             {
-                told.insert(name.to_owned());
+                told.add([name]);
                 if !columns.contains(&column) && column != "seq" {
                     columns.push(column);
                 }
             }
         }
-        if sources.is_empty() {
+        columns
+    }
+
+    /// A row for each source that knows the cell, with the fields that are named after sources: `cost.stereo`,
+    /// `conf.stereo`, and its weight. On a narrow map the last columns are left out.
+    fn source_rows(&self, ui: &mut Ui, room: &mut Room, clickable: bool, told: &mut Told) -> Option<MadeBy> {
+        let sources: Vec<&str> = self.sources().collect();
+        let mut columns = self.columns(&sources, told);
+        let known: Vec<&str> = sources.into_iter().filter(|source| self.knows(source)).collect();
+        // The heading, and the count of what finds no room, take a line each.
+        let (shown, others) = known.split_at(known.len().min(room.lines.saturating_sub(2)));
+        let count = columns.len();
+        let has_frame = room.chars >= NAME + OF_SOURCE + FRAME;
+        let fit = room.chars.saturating_sub(NAME + if has_frame { FRAME } else { 0 }) / OF_SOURCE;
+        let has_weight = self.weights.is_some() && fit >= 2;
+        columns.truncate(fit.saturating_sub(usize::from(has_weight)).max(1));
+        told.hidden += others.len() * count + shown.len() * (count - columns.len());
+        if shown.is_empty() {
             return None;
         }
-        let weight = |source: &str| Some(self.weights.as_ref()?.get(Source::new(source).ok()?).weight);
-        let last = self.weights.is_some().then_some("weight");
-        let heading = in_columns(columns.iter().copied().chain(last), OF_SOURCE);
-        ui.label(mono(format!("{:<NAME$}{heading}    frame", "")).color(tokens(ui).weak));
+        room.take(1 + shown.len());
+        let heading = in_columns(columns.iter().copied().chain(has_weight.then_some("weight")), OF_SOURCE);
+        let (frame, gap) = if has_frame { ("    frame", "  ") } else { ("", "") };
+        ui.label(mono(format!("{:<NAME$}{heading}{frame}", "")).color(tokens(ui).weak));
         let mut clicked = None;
-        for source in sources {
-            let number = |column: &str| match self.value(&format!("{column}.{source}")) {
-                Some(cost) if column == "cost" && cost > 250.0 => "unknown".to_owned(),
-                Some(0.0) if column == "model" => "none".to_owned(),
-                Some(value) => short(value),
-                None => String::new(),
-            };
-            let last = last.map(|_| weight(source).map(|weight| short(weight.into())).unwrap_or_default());
-            let numbers = in_columns(columns.iter().map(|column| number(column)).chain(last), OF_SOURCE);
-            let sequence = self.value(&format!("seq.{source}"));
+        for source in shown {
+            let numbers = columns.iter().map(|column| self.number(column, source));
+            let numbers = in_columns(numbers.chain(has_weight.then(|| self.weight(source))), OF_SOURCE);
             ui.horizontal(|ui| {
                 ui.spacing_mut().item_spacing.x = 0.0;
-                ui.label(mono(format!("{source:<NAME$}{numbers}  ")));
-                match sequence.filter(|sequence| *sequence > 0.0) {
-                    Some(sequence) if clickable => {
-                        let help = format!("Go back to message {sequence} of {source}, which made this cell");
-                        let link = ui.link(mono(format!("{sequence:7}")));
-                        link.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Link, true, &help));
-                        if link.on_hover_text(&help).clicked() {
-                            let sequence = sequence as u64;
-                            clicked = Some(MadeBy { source: source.to_owned(), sequence });
-                        }
-                    }
-                    Some(sequence) => {
-                        ui.label(mono(format!("{sequence:7}")));
-                    }
-                    None => {
-                        let text = if sequence.is_some() { "  never" } else { "" };
-                        ui.label(mono(text).color(tokens(ui).weak));
-                    }
+                ui.label(mono(format!("{source:<NAME$}{numbers}{gap}")));
+                if has_frame && let Some(sequence) = self.made_by(ui, source, clickable) {
+                    clicked = Some(MadeBy { source: (*source).to_owned(), sequence });
                 }
             });
         }
         clicked
     }
 
+    /// A number of a source.
+    fn number(&self, column: &str, source: &str) -> String {
+        match self.value(&format!("{column}.{source}")) {
+            Some(cost) if column == "cost" && cost > MOST_COST => "unknown".to_owned(),
+            Some(0.0) if column == "model" => "none".to_owned(),
+            Some(value) => short(value),
+            None => String::new(),
+        }
+    }
+
+    fn weight(&self, source: &str) -> String {
+        let weight = |weights: &Weights| Some(weights.get(Source::new(source).ok()?).weight);
+        self.weights.as_ref().and_then(weight).map(|weight| short(weight.into())).unwrap_or_default()
+    }
+
+    /// The number of the message of a source that changed the cell last; returned if it was clicked.
+    fn made_by(&self, ui: &mut Ui, source: &str, clickable: bool) -> Option<u64> {
+        let sequence = self.value(&format!("seq.{source}"));
+        match sequence.filter(|sequence| *sequence > 0.0) {
+            Some(sequence) if clickable => {
+                let help = format!("Go back to message {sequence} of {source}, which made this cell");
+                let link = ui.link(mono(format!("{sequence:7}")));
+                link.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Link, true, &help));
+                return link.on_hover_text(&help).clicked().then_some(sequence as u64);
+            }
+            Some(sequence) => {
+                ui.label(mono(format!("{sequence:7}")));
+            }
+            None => {
+                let text = if sequence.is_some() { "  never" } else { "" };
+                ui.label(mono(text).color(tokens(ui).weak));
+            }
+        }
+        None
+    }
+
     /// When the cell changed.
-    fn change(&self, ui: &mut Ui, told: &mut BTreeSet<String>) {
-        let [seconds, nanos] = ["updated_s", "updated_ns"].map(|name| self.value(name));
-        let Some((seconds, nanos)) = seconds.zip(nanos) else { return };
-        told.extend(["updated_s", "updated_ns"].map(str::to_owned));
+    fn change(&self, ui: &mut Ui, room: &mut Room, told: &mut Told) {
+        let [seconds, nanos] = CHANGED.map(|name| self.value(name));
+        let Some((seconds, nanos)) = seconds.zip(nanos).filter(|_| room.lines > 0) else { return };
+        told.add(CHANGED);
         let changed = Stamp(seconds as u64 * 1_000_000_000 + nanos as u64);
         let text = if changed.0 == 0 {
             "never".to_owned()
@@ -186,13 +294,45 @@ impl Content<'_> {
             let age = format::age(self.frame.now.seconds_since(changed));
             format!("{age} ago, at {}", format::clock(changed.0))
         };
-        ui.label(mono(format!("{:<NAME$}{text}", "changed")));
+        room.write(ui, &format!("{:<NAME$}{text}", "changed"));
     }
 
-    /// A row for each part with several fields: `ground.mean`, `ground.count`.
-    fn part_rows(&self, ui: &mut Ui, room: &mut usize, told: &mut BTreeSet<String>) {
+    /// A row for each part with several fields, of which one says something: `ground.mean`, `ground.count`.
+    fn part_rows(&self, ui: &mut Ui, room: &mut Room, told: &mut Told) {
+        let (mut parts, columns) = self.parts(told);
+        parts.retain(|part| {
+            let is_said = !self.says_nothing_of(part);
+            if !is_said {
+                let is_of_part = |name: &&str| name.split_once('.').is_some_and(|(other, _)| other == *part);
+                told.add(self.cells.names().filter(is_of_part));
+            }
+            is_said
+        });
+        // The count of what finds no room takes a line.
+        let most = room.lines.saturating_sub(1).min(room.usual);
+        if parts.is_empty() || most < 1 + parts.len() {
+            return;
+        }
+        room.take(1 + parts.len());
+        let fit = (room.chars.saturating_sub(NAME) / NUMBER).clamp(1, columns.len().max(1));
+        let columns = &columns[..fit.min(columns.len())];
+        let heading = in_columns(columns.iter(), NUMBER);
+        ui.label(mono(format!("{:<NAME$}{heading}", "")).color(tokens(ui).weak));
+        for part in parts {
+            let number = |column: &&str| {
+                let name = format!("{part}.{column}");
+                told.add([name.as_str()]);
+                self.value(&name).map(short).unwrap_or_default()
+            };
+            let numbers = in_columns(columns.iter().map(number), NUMBER);
+            ui.label(mono(format!("{part:<NAME$}{numbers}")));
+        }
+    }
+
+    /// The parts with several fields that were not told, and the names of these fields.
+    fn parts(&self, told: &Told) -> (Vec<&str>, Vec<&str>) {
         let pairs = || {
-            let names = self.cells.names().filter(|name| !told.contains(*name));
+            let names = self.cells.names().filter(|name| !told.names.contains(*name));
             names.filter_map(|name| name.split_once('.'))
         };
         let (mut parts, mut columns): (Vec<&str>, Vec<&str>) = Default::default();
@@ -207,39 +347,34 @@ impl Content<'_> {
                 columns.push(column);
             }
         }
-        if parts.is_empty() || *room < 1 + parts.len() {
-            return;
-        }
-        *room -= 1 + parts.len();
-        let heading = in_columns(columns.iter(), NUMBER);
-        ui.label(mono(format!("{:<NAME$}{heading}", "")).color(tokens(ui).weak));
-        for part in parts {
-            let number = |column: &&str| {
-                let name = format!("{part}.{column}");
-                let text = self.value(&name).map(short).unwrap_or_default();
-                told.insert(name);
-                text
-            };
-            let numbers = in_columns(columns.iter().map(number), NUMBER);
-            ui.label(mono(format!("{part:<NAME$}{numbers}")));
-        }
+        (parts, columns)
     }
 
-    /// The other fields, two on a line.
-    fn rest(&self, ui: &mut Ui, room: usize, told: &BTreeSet<String>) {
-        let rest: Vec<_> = self.cells.names().filter(|name| !told.contains(*name)).collect();
-        let (listed, hidden) = rest.split_at(rest.len().min(2 * room));
-        let width = listed.iter().map(|name| name.len()).max().unwrap_or(0).max(NAME - 1);
-        for pair in listed.chunks(2) {
+    /// Whether no field of a part says anything.
+    fn says_nothing_of(&self, part: &str) -> bool {
+        let is_of_part = |name: &&str| name.split_once('.').is_some_and(|(other, _)| other == part);
+        let mut names = self.cells.names().filter(is_of_part);
+        names.all(|name| self.value(name).is_none_or(says_nothing))
+    }
+
+    /// The other fields, two on a line where they fit.
+    fn rest(&self, ui: &mut Ui, room: &mut Room, told: &Told) {
+        let rest: Vec<_> = self.cells.names().filter(|name| !told.names.contains(*name)).collect();
+        let width = rest.iter().map(|name| name.len()).max().unwrap_or(0).max(NAME - 1);
+        let on_a_line = if room.chars > 2 * (width + 1 + NUMBER) { 2 } else { 1 };
+        let lines = room.lines.saturating_sub(1).min(room.usual);
+        let (listed, hidden) = rest.split_at(rest.len().min(on_a_line * lines));
+        for names in listed.chunks(on_a_line) {
             let one = |name: &&str| {
                 let number = self.value(name).map(short).unwrap_or_default();
                 format!("{name:<width$} {number:<NUMBER$}")
             };
-            let text = pair.iter().map(one).collect::<Vec<_>>().join(" ");
-            ui.label(mono(text.trim_end()));
+            room.write(ui, names.iter().map(one).collect::<Vec<_>>().join(" ").trim_end());
         }
-        if !hidden.is_empty() {
-            weak(ui, format!("{} numbers more in a larger map", hidden.len()));
+        let hidden = hidden.len() + told.hidden;
+        if hidden > 0 && room.lines > 0 {
+            let numbers = if hidden == 1 { "number" } else { "numbers" };
+            room.write_weak(ui, &format!("{hidden} {numbers} more in a larger map"));
         }
     }
 }
@@ -254,9 +389,14 @@ fn in_columns<T: Display>(texts: impl Iterator<Item = T>, width: usize) -> Strin
     texts.map(|text| format!("{text:>width$}")).collect::<Vec<_>>().concat()
 }
 
-fn weak(ui: &mut Ui, text: String) {
-    let color = tokens(ui).weak;
-    ui.label(RichText::new(text).small().color(color));
+/// Whether a number is a cost; a greater one stands for an unknown cost.
+fn is_cost(value: f64) -> bool {
+    (0.0..=MOST_COST).contains(&value)
+}
+
+/// Whether a number is the same as none.
+fn says_nothing(value: f64) -> bool {
+    value.is_nan() || value == 0.0
 }
 
 /// A number in a few characters; a dash where it is unknown.

@@ -1,7 +1,7 @@
 //! Readout of the position under the pointer, or of one that is kept: coordinates, and what the cell holds.
 
 use super::Map;
-use super::cell::Content;
+use super::cell::{Content, Room};
 use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
 use super::plan;
@@ -21,6 +21,18 @@ const LINE: f32 = 16.0;
 const NEAR: f64 = 6.0;
 /// Where the scale bar ends, below the upper edge of the map, screen points.
 const BELOW_SCALE: f32 = 36.0;
+/// Height of a map below which a read-out may lie over the scale bar, screen points.
+const LOW: f32 = 200.0;
+/// Room that a plate has around it, and what it takes of the canvas beside its contents: that on both sides, its margin and
+/// its edge; screen points.
+const MARGIN: f32 = 8.0;
+const PLATE: Vec2 = Vec2::new(34.0, 26.0);
+/// Distance of a read-out from its place, screen points.
+const AWAY: f32 = 16.0;
+/// Characters in a line from which coordinates have a constant width.
+const WIDE: usize = 30;
+/// Lines that are left for a cell before those of latitude and longitude.
+const LINES_OF_A_CELL: usize = 9;
 
 impl Map {
     /// Says what is under the pointer, and marks what other views say.
@@ -91,71 +103,155 @@ impl Map {
         viewport: Viewport,
         canvas: Rect,
     ) {
-        let Some([x, y]) = self.kept.or(pointer) else { return };
-        let (is_kept, frame) = (self.kept.is_some(), cx.frame);
+        let Some(position) = self.kept.or(pointer) else { return };
         // Who draws looks at what is drawn, not at numbers that lie over it.
         let draws = self.measuring || self.draft.is_some() || self.example.is_some();
-        // It does not lie over what it tells of.
-        let is_below = viewport.to_screen(canvas, [x, y]).y > canvas.center().y && !draws;
-        let (corner, top) =
-            if is_below { (Align2::RIGHT_TOP, BELOW_SCALE) } else { (Align2::RIGHT_BOTTOM, 0.0) };
-        let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, top), canvas.max);
-        let mut close = false;
-        let mut wanted = None;
-        let ((), plate) = legend::plate(ui, place, corner, |ui| {
+        let at = viewport.to_screen(canvas, position);
+        let frame = cx.frame;
+        let (corner, place) = if draws {
+            (Align2::RIGHT_BOTTOM, canvas)
+        } else {
+            corner_for(canvas, at, self.read_out_size, self.legend.is_some())
+        };
+        let clip = ui.clip_rect();
+        ui.set_clip_rect(clip.intersect(canvas));
+        let (clicks, plate) = legend::plate(ui, place, corner, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
-            ui.horizontal(|ui| {
-                ui.label(mono(format!("x {x:8.2} m  y {y:8.2} m")));
-                if is_kept {
-                    close = icon_button(ui, icons::ICON_CLOSE, "Close the cell").clicked();
-                }
-            });
-            if let Some((place, is_exact)) = self.tracks.geodetic(shown, map, [x, y]) {
-                let about = if is_exact { "" } else { "≈ " };
-                let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
-                ui.label(mono(format!("{about}{latitude:11.6}°  {longitude:11.6}°")));
-                let mgrs =
-                    Utm::from_geodetic(&place).and_then(|utm| utm.to_mgrs(if is_exact { 5 } else { 4 }));
-                ui.label(mono(mgrs.map_or_else(
-                    |_| "outside of MGRS".to_owned(),
-                    |text| about.to_owned() + &spaced(&text),
-                )));
-            }
-            if draws {
-                return;
-            }
-            let mut is_top = true;
-            let most_lines = (MOST_OF_CANVAS * canvas.height() / LINE) as usize;
-            for layer in shown.iter().rev() {
-                if let Kind::Grid(grid) = layer.kind
-                    && let Ok(cells) = Cells::new(grid)
-                    && let Ok(map_from_grid) = layers::map_from_layer(frame, map, layer)
-                    && let Some(cell) = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))
-                {
-                    let edited = self.edited_weights(layer).cloned();
-                    let is_edited = edited.is_some();
-                    let weights = edited.or_else(|| super::cell::weights(frame, layer));
-                    let content = Content { frame, cells: &cells, cell, weights, is_edited };
-                    content.title(ui, &layer.name, is_top && !is_kept);
-                    if std::mem::take(&mut is_top) {
-                        let clicked = content.show(ui, most_lines, is_kept);
-                        wanted = clicked.and_then(|source| source.message(frame, layer));
-                    } else {
-                        content.brief(ui);
-                    }
-                }
-            }
+            ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Wrap);
+            ui.set_max_width((place.width() - PLATE.x).max(1.0));
+            let mut room = room_at(ui, place, canvas);
+            let closes = self.position(ui, &mut room, map, shown, position);
+            let wanted = if draws { None } else { self.contents(ui, &mut room, frame, map, shown, position) };
+            Clicks { closes, wanted }
         });
-        self.kept_plate = is_kept.then_some(plate);
-        if close {
+        ui.set_clip_rect(clip);
+        self.read_out_size = plate.size();
+        self.kept_plate = self.kept.map(|_| plate);
+        if clicks.closes {
             self.kept = None;
         }
-        if let Some((topic, sequence)) = wanted {
+        if let Some((topic, sequence)) = clicks.wanted {
             cx.selection.topic = Some(TopicKey::of(topic));
             self.saved.layers.entry(topic.name.to_string()).or_default().shown = true;
             cx.controls.push(Control::Step(Step::BackTo { topic: topic.name.to_string(), sequence }));
         }
     }
+
+    /// The coordinates of a place; returns whether the kept cell is to be closed.
+    fn position(
+        &self,
+        ui: &mut Ui,
+        room: &mut Room,
+        map: &str,
+        shown: &[&Layer<'_>],
+        [x, y]: [f64; 2],
+    ) -> bool {
+        let mut closes = false;
+        // The button is higher than a line.
+        room.take(if self.kept.is_some() { 2 } else { 1 });
+        ui.horizontal(|ui| {
+            let text = if room.chars >= WIDE {
+                format!("x {x:8.2} m  y {y:8.2} m")
+            } else {
+                format!("x {x:.2} y {y:.2}")
+            };
+            ui.label(mono(text));
+            if self.kept.is_some() {
+                closes = icon_button(ui, icons::ICON_CLOSE, "Close the cell").clicked();
+            }
+        });
+        // On a small map the lines are for the cell.
+        if room.lines < LINES_OF_A_CELL {
+            return closes;
+        }
+        if let Some((place, is_exact)) = self.tracks.geodetic(shown, map, [x, y]) {
+            let about = if is_exact { "" } else { "≈ " };
+            let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
+            room.write(ui, &format!("{about}{latitude:11.6}°  {longitude:11.6}°"));
+            let mgrs = Utm::from_geodetic(&place).and_then(|utm| utm.to_mgrs(if is_exact { 5 } else { 4 }));
+            let mgrs = mgrs.map(|text| about.to_owned() + &spaced(&text));
+            room.write(ui, mgrs.as_deref().unwrap_or("outside of MGRS"));
+        }
+        closes
+    }
+
+    /// What the cells at a place hold: everything of the uppermost one that is known, and a line of those below. Returns
+    /// the topic and the number of the message that was clicked.
+    fn contents<'f>(
+        &self,
+        ui: &mut Ui,
+        room: &mut Room,
+        frame: &'f Frame,
+        map: &str,
+        shown: &[&Layer<'_>],
+        position: [f64; 2],
+    ) -> Option<(&'f Topic, u64)> {
+        let (is_kept, found) = (self.kept.is_some(), cells_at(frame, map, shown, position));
+        let contents = found.iter().map(|(layer, cells, cell)| {
+            let edited = self.edited_weights(layer).cloned();
+            let is_edited = edited.is_some();
+            let weights = edited.or_else(|| super::cell::weights(frame, layer));
+            Content { frame, cells, cell: *cell, weights, is_edited }
+        });
+        let contents: Vec<Content<'_>> = contents.collect();
+        let top = contents.iter().position(|content| !content.is_unknown()).unwrap_or(0);
+        let mut wanted = None;
+        for (index, content) in contents.iter().enumerate().skip(top) {
+            let layer = found[index].0;
+            if (index > top && content.is_unknown()) || room.lines < 2 {
+                continue;
+            }
+            content.title(ui, room, &layer.name, index == top && !is_kept);
+            if index == top {
+                let clicked = content.show(ui, room, is_kept);
+                wanted = clicked.and_then(|source| source.message(frame, layer));
+            } else {
+                content.brief(ui, room);
+            }
+        }
+        wanted
+    }
+}
+
+/// What was clicked in a read-out.
+struct Clicks<'a> {
+    closes: bool,
+    /// The topic and the number of a message.
+    wanted: Option<(&'a Topic, u64)>,
+}
+
+/// What finds room in a read-out at a place of the canvas.
+fn room_at(ui: &Ui, place: Rect, canvas: Rect) -> Room {
+    const SAMPLE: &str = "0000000000";
+    let font = egui::TextStyle::Monospace.resolve(ui.style());
+    let sample = ui.painter().layout_no_wrap(SAMPLE.to_owned(), font, tokens(ui).text);
+    let character = (sample.size().x / SAMPLE.len() as f32).max(1.0);
+    let size = place.size() - PLATE;
+    Room {
+        chars: ((size.x / character) as usize).max(1),
+        lines: (size.y / LINE) as usize,
+        usual: (MOST_OF_CANVAS * canvas.height() / LINE) as usize,
+    }
+}
+
+/// The corner for a read-out that was of this size, and the part of the canvas in which it lies there. It does not lie
+/// over the place that it tells of, nor over the scale bar or the legend.
+fn corner_for(canvas: Rect, at: Pos2, size: Vec2, has_legend: bool) -> (Align2, Rect) {
+    let is_below = at.y > canvas.center().y;
+    let top = if is_below && canvas.height() >= LOW { BELOW_SCALE } else { 0.0 };
+    let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, top), canvas.max);
+    let (right, left) = if is_below {
+        (Align2::RIGHT_TOP, Align2::LEFT_TOP)
+    } else {
+        (Align2::RIGHT_BOTTOM, Align2::LEFT_BOTTOM)
+    };
+    let covers = |corner: Align2| {
+        let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
+        plate.expand(AWAY).contains(at)
+    };
+    let left_is_free = is_below || !has_legend;
+    let corner = if left_is_free && covers(right) && !covers(left) { left } else { right };
+    (corner, place)
 }
 
 /// An MGRS text with blanks between square, easting and northing.
@@ -183,12 +279,57 @@ fn top_cell<'a>(
     frame: &Frame,
     map: &str,
     shown: &[&Layer<'a>],
-    [x, y]: [f64; 2],
+    position: [f64; 2],
 ) -> Option<(&'a Topic, [usize; 2])> {
-    shown.iter().rev().find_map(|layer| {
-        let Kind::Grid(grid) = layer.kind else { return None };
-        let cells = Cells::new(grid).ok()?;
-        let map_from_grid = layers::map_from_layer(frame, map, layer).ok()?;
-        Some((layer.topic?, cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))?))
-    })
+    let topic_of = |layer: &&Layer<'a>| Some((layer.topic?, cell_at(frame, map, layer, position)?.1));
+    shown.iter().rev().find_map(topic_of)
+}
+
+/// The cells under a position, that of the uppermost grid first.
+fn cells_at<'s, 'a>(
+    frame: &Frame,
+    map: &str,
+    shown: &[&'s Layer<'a>],
+    position: [f64; 2],
+) -> Vec<(&'s Layer<'a>, Cells<'a>, [usize; 2])> {
+    let of = |layer: &&'s Layer<'a>| {
+        let (cells, cell) = cell_at(frame, map, layer, position)?;
+        Some((*layer, cells, cell))
+    };
+    shown.iter().rev().filter_map(of).collect()
+}
+
+/// The cell of a layer under a position.
+fn cell_at<'a>(
+    frame: &Frame,
+    map: &str,
+    layer: &Layer<'a>,
+    [x, y]: [f64; 2],
+) -> Option<(Cells<'a>, [usize; 2])> {
+    let Kind::Grid(grid) = layer.kind else { return None };
+    let cells = Cells::new(grid).ok()?;
+    let map_from_grid = layers::map_from_layer(frame, map, layer).ok()?;
+    let cell = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))?;
+    Some((cells, cell))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_read_out_lies_away_from_its_place() {
+        let canvas = Rect::from_min_size(Pos2::new(100.0, 50.0), Vec2::new(600.0, 400.0));
+        let size = Vec2::new(280.0, 250.0);
+        for at in
+            [[150.0, 60.0], [690.0, 60.0], [690.0, 240.0], [690.0, 260.0], [110.0, 440.0], [690.0, 440.0]]
+        {
+            let at = Pos2::from(at);
+            let (corner, place) = corner_for(canvas, at, size, false);
+            let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
+            assert!(canvas.contains_rect(plate) && !plate.contains(at), "{at}: {plate}");
+        }
+        let beside_the_legend = corner_for(canvas, Pos2::new(690.0, 240.0), size, true);
+        assert_eq!(beside_the_legend.0, Align2::RIGHT_BOTTOM);
+    }
 }

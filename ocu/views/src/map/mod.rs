@@ -8,6 +8,7 @@ mod cell;
 mod cloud;
 mod for_camera;
 mod for_scene;
+mod goals;
 mod grid;
 mod hover;
 mod labels;
@@ -117,6 +118,8 @@ pub(crate) struct Map {
     kept: Option<[f64; 2]>,
     /// Where its read-out was in the previous pass.
     kept_plate: Option<Rect>,
+    /// Size of the read-out in the previous pass.
+    read_out_size: Vec2,
     /// Angle by which the map was turned in the previous pass, rad.
     turned_rad: f64,
     /// Where the menu was opened, in the map's frame.
@@ -260,6 +263,7 @@ impl Map {
         }
         paint::metre_lines(ui, viewport, canvas);
         let mut labels = self.labels(canvas);
+        let mut goals = goals::of(cx.frame, map, &shown);
         for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(layer).shown) {
             let is_old = layer.is_planned() && layer.is_stale(cx.frame.now);
             let color =
@@ -282,8 +286,10 @@ impl Map {
                 (Kind::Track { .. }, _) => {
                     self.paint_track(ui, layer, cx.frame, viewport, canvas, color, &mut labels);
                 }
-                (Kind::Goal(goal), Ok(pose)) => {
-                    paint::goal(ui, goal, &pose, vehicle, viewport, canvas, &mut labels);
+                // All at once, because several may be one.
+                (Kind::Goal(_), Ok(_)) => {
+                    let goals = std::mem::take(&mut goals);
+                    goals::paint(ui, &goals, vehicle, viewport, canvas, &mut labels);
                 }
                 _ => {}
             }

@@ -18,7 +18,7 @@ use ocu_ui::legend::round_step;
 use ocu_ui::{format, tokens};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::AnyMessage;
-use rcs_msg::foxglove::{PoseInFrame, PosesInFrame};
+use rcs_msg::foxglove::PosesInFrame;
 use rcs_runtime::source::Frame;
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
@@ -204,50 +204,6 @@ pub(super) fn path_points<'a>(
 pub(super) fn path_places(path: &PosesInFrame) -> Vec<DVec3> {
     let place = |pose| Some(crate::pose::from_message(Some(pose)).ok()?.translation);
     path.poses.iter().filter_map(place).collect()
-}
-
-/// A flag at the goal; if the goal is outside of the canvas, an arrow at the edge, with the distance to the goal if
-/// known.
-pub(super) fn goal(
-    ui: &Ui,
-    goal: &PoseInFrame,
-    map_from_goal: &Pose,
-    from: Option<[f64; 3]>,
-    viewport: Viewport,
-    canvas: Rect,
-    labels: &mut Labels,
-) {
-    let Ok(pose) = crate::pose::from_message(goal.pose.as_ref()) else { return };
-    let p = *map_from_goal * pose.translation;
-    if !is_place(&p.to_array()) {
-        return;
-    }
-    let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
-    let at = viewport.to_screen(canvas, [p.x, p.y]);
-    let (ink, edge) = (tokens.strong, Stroke::new(3.0, tokens.canvas()));
-    let inside = canvas.shrink(18.0);
-    if canvas.shrink(4.0).contains(at) {
-        let top = at - Vec2::new(0.0, 18.0);
-        painter.line_segment([at, top], edge);
-        painter.line_segment([at, top], Stroke::new(1.5, ink));
-        let flag = vec![top, top + Vec2::new(11.0, 4.0), top + Vec2::new(0.0, 8.0)];
-        painter.add(Shape::convex_polygon(flag, tokens.ok, Stroke::new(1.0, tokens.canvas())));
-        painter.circle(at, 3.0, ink, Stroke::new(1.0, tokens.canvas()));
-        labels.keep_free(Rect::from_min_max(top - Vec2::new(3.0, 2.0), at + Vec2::new(13.0, 4.0)));
-        return;
-    }
-    let (center, way) = (canvas.center(), (at - canvas.center()).normalized());
-    // To the edge along the line from the centre.
-    let reach = |way: f32, room: f32| if way.abs() < 1e-6 { f32::INFINITY } else { room / way.abs() };
-    let length = reach(way.x, inside.width() / 2.0).min(reach(way.y, inside.height() / 2.0));
-    let tip = center + way * length;
-    let left = way.rot90() * 5.0;
-    let head = vec![tip + way * 7.0, tip + left - way * 3.0, tip - left - way * 3.0];
-    painter.add(Shape::convex_polygon(head, tokens.ok, Stroke::new(1.0, tokens.canvas())));
-    let distance = from.map(|[x, y, _]| format::metres((p.x - x).hypot(p.y - y), 0));
-    let text = format!("goal {}", distance.unwrap_or_default());
-    labels.keep_free(Rect::from_center_size(tip, Vec2::splat(14.0)));
-    labels.add_towards(tip, -way, text, FontId::proportional(11.0), ink);
 }
 
 /// A picture between four points of the screen, which belong to its upper left, upper right, lower right and lower left

@@ -1,7 +1,9 @@
 //! Axes: the mapping of values to points of the screen, and their round marks.
 
 use egui::Rangef;
-use ocu_ui::format;
+
+/// A day, s.
+const DAY_S: f64 = 86_400.0;
 
 /// What the horizontal axis of a graph is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +70,16 @@ impl Axis {
 
     /// Round values at least `apart` screen points from each other, with their step.
     pub(super) fn marks(&self, apart: f32) -> (Vec<f64>, f64) {
-        let step = round_step(self.per_point() * f64::from(apart));
+        self.marks_with(round_step(self.per_point() * f64::from(apart)))
+    }
+
+    /// Round times at least `apart` screen points from each other, with their step, in seconds.
+    pub(super) fn time_marks(&self, apart: f32) -> (Vec<f64>, f64) {
+        self.marks_with(round_time_step_s(self.per_point() * f64::from(apart)))
+    }
+
+    /// The multiples of a step.
+    fn marks_with(&self, step: f64) -> (Vec<f64>, f64) {
         let (first, last) = ((self.from / step).ceil(), (self.to / step).floor());
         // A range that floating-point numbers cannot divide has no marks.
         if last - first >= 1000.0 || (last - first).is_nan() || first + 1.0 == first {
@@ -88,6 +99,19 @@ fn round_step(least: f64) -> f64 {
         .unwrap_or(power)
 }
 
+/// A round step of time that is not below `least_s`. Above ten seconds it is round in minutes, hours or days.
+fn round_time_step_s(least_s: f64) -> f64 {
+    const STEPS_S: [f64; 11] =
+        [15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 21_600.0, DAY_S];
+    // As in `round_step`, a step may be slightly too small.
+    let about_s = least_s * 0.999;
+    if about_s <= 10.0 {
+        return round_step(least_s);
+    }
+    let step_s = STEPS_S.into_iter().find(|step_s| *step_s >= about_s);
+    step_s.unwrap_or_else(|| (about_s / DAY_S).ceil() * DAY_S)
+}
+
 /// A range around values, with a margin; a range of its own where they are all equal, and 0 to 1 where there are none.
 pub(super) fn around(min: f64, max: f64) -> (f64, f64) {
     if min > max || !min.is_finite() || !max.is_finite() {
@@ -105,21 +129,36 @@ pub(super) fn mark_text(value: f64, step: f64) -> String {
     if !(1e-4..1e6).contains(&size) {
         return if value == 0.0 { "0".to_owned() } else { format!("{value:.2e}") };
     }
-    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+    let decimals = decimals(step);
     format!("{:.decimals$}", if value == 0.0 { 0.0 } else { value })
 }
 
-/// A time since the start as a mark says it.
-pub(super) fn time_text(seconds: f64, step: f64) -> String {
-    if step < 1.0 || seconds.abs() < 60.0 && step < 60.0 {
-        return format!("{} s", mark_text(seconds, step.min(1.0)));
+/// The decimals that multiples of a step need.
+fn decimals(step: f64) -> usize {
+    (-step.log10().floor()).clamp(0.0, 9.0) as usize
+}
+
+/// Times since the start as the marks of one axis say them, all in one format: seconds, with minutes where one of them is
+/// a minute or longer, and with hours where one is an hour or longer.
+pub(super) fn time_texts(marks: &[f64], step: f64) -> Vec<String> {
+    let longest_s = marks.iter().fold(0.0, |longest: f64, mark| longest.max(mark.abs()));
+    marks.iter().map(|mark| time_text(*mark, step, longest_s)).collect()
+}
+
+fn time_text(seconds: f64, step: f64, longest_s: f64) -> String {
+    if longest_s < 60.0 {
+        return format!("{} s", mark_text(seconds, step));
     }
-    let text = format::elapsed(seconds);
-    let text = text.strip_suffix(".000").unwrap_or(&text).to_owned();
-    match text.strip_prefix("00:") {
-        Some(short) => short.to_owned(),
-        None => text,
-    }
+    let decimals = decimals(step);
+    // Whole units of the last digit, so that no text says 60 seconds.
+    let per_second = 10_f64.powi(decimals as i32);
+    let units = (seconds.abs() * per_second).round();
+    let sign = if seconds < 0.0 && units > 0.0 { "-" } else { "" };
+    let rest_s = units % (60.0 * per_second) / per_second;
+    let minutes = (units / per_second / 60.0 - rest_s / 60.0).round() as u64;
+    let width = if decimals == 0 { 2 } else { decimals + 3 };
+    let text = format!("{:02}:{rest_s:0width$.decimals$}", minutes % 60);
+    if longest_s < 3600.0 { format!("{sign}{text}") } else { format!("{sign}{}:{text}", minutes / 60) }
 }
 
 #[cfg(test)]
@@ -152,9 +191,35 @@ mod tests {
         assert_eq!(mark_text(1200.0, 200.0), "1200");
         assert_eq!(mark_text(-0.0, 1.0), "0");
         assert_eq!(mark_text(3.2e7, 1e6), "3.20e7");
-        assert_eq!(time_text(75.0, 5.0), "01:15");
-        assert_eq!(time_text(12.0, 2.0), "12 s");
-        assert_eq!(time_text(75.25, 0.05), "75.25 s");
+    }
+
+    #[test]
+    fn steps_of_time_are_round_in_minutes() {
+        for (least_s, step_s) in [
+            (0.03, 0.05),
+            (10.0, 10.0),
+            (11.0, 15.0),
+            (20.0, 30.0),
+            (50.0, 60.0),
+            (100.0, 120.0),
+            (200.0, 300.0),
+            (1e5, 2.0 * DAY_S),
+        ] {
+            assert!((round_time_step_s(least_s) / step_s - 1.0).abs() < 1e-9, "{least_s}");
+        }
+        let axis = Axis::horizontal(0.0, 200.0, Rangef::new(0.0, 200.0));
+        assert_eq!(axis.time_marks(80.0), (vec![0.0, 120.0], 120.0));
+    }
+
+    #[test]
+    fn the_times_of_an_axis_have_one_format() {
+        assert_eq!(time_texts(&[0.0, 15.0, 30.0, 45.0], 15.0), ["0 s", "15 s", "30 s", "45 s"]);
+        assert_eq!(time_texts(&[0.0, 30.0, 60.0], 30.0), ["00:00", "00:30", "01:00"]);
+        assert_eq!(time_texts(&[-30.0, 0.0, 90.0], 30.0), ["-00:30", "00:00", "01:30"]);
+        assert_eq!(time_texts(&[75.2, 75.25], 0.05), ["01:15.20", "01:15.25"]);
+        assert_eq!(time_texts(&[59.999_999_999, 60.0], 1.0), ["01:00", "01:00"]);
+        assert_eq!(time_texts(&[3000.0, 3600.0, 4500.0], 600.0), ["0:50:00", "1:00:00", "1:15:00"]);
+        assert!(time_texts(&[], 1.0).is_empty());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Paints one graph: axes, curves, bands of states, cursors.
 
-use super::axis::{Axis, GraphKind, around, mark_text, time_text};
+use super::axis::{Axis, GraphKind, around, mark_text, time_texts};
 use super::columns::{Column, Kept, bands, strokes, visible};
 use crate::series::Shown;
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
@@ -154,6 +154,19 @@ pub(super) fn vertical_axis(painter: &Painter, plot: Rect, axis: &Axis, at_right
     }
 }
 
+/// The marks of a horizontal axis, with their texts.
+fn horizontal_marks(axis: &Axis, kind: GraphKind) -> Vec<(f64, String)> {
+    const APART: f32 = 80.0;
+    if kind == GraphKind::Time {
+        let (marks, step) = axis.time_marks(APART);
+        let texts = time_texts(&marks, step);
+        return marks.into_iter().zip(texts).collect();
+    }
+    let (marks, step) = axis.marks(APART);
+    let unit = if kind == GraphKind::Frequency { " Hz" } else { "" };
+    marks.into_iter().map(|mark| (mark, mark_text(mark, step) + unit)).collect()
+}
+
 /// Draws the grid of the horizontal axis, and its marks below the plot if there is room.
 pub(super) fn horizontal_axis(
     painter: &Painter,
@@ -163,16 +176,10 @@ pub(super) fn horizontal_axis(
     labelled: bool,
     tokens: &Tokens,
 ) {
-    let (marks, step) = axis.marks(80.0);
-    for mark in marks {
+    for (mark, text) in horizontal_marks(axis, kind) {
         let x = axis.at(mark);
         painter.vline(x, plot.y_range(), Stroke::new(1.0, tokens.line.gamma_multiply(0.55)));
         if labelled {
-            let text = match kind {
-                GraphKind::Time => time_text(mark, step),
-                GraphKind::Frequency => format!("{} Hz", mark_text(mark, step)),
-                GraphKind::Index | GraphKind::Against => mark_text(mark, step),
-            };
             let galley = painter.layout_no_wrap(text, FontId::monospace(10.5), tokens.weak);
             // At the ends of the axis a mark stands beside its line rather than outside of what is painted.
             let (room, width) = (painter.clip_rect(), galley.size().x);

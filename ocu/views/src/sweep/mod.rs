@@ -202,7 +202,8 @@ fn parameter(ui: &mut Ui, frame: &Frame, saved: &mut Saved) {
     let combo = ComboBox::from_id_salt("field").selected_text(shown).width(170.0).truncate();
     let combo = combo.show_ui(ui, |ui| {
         for (path, spec) in fields(&specs, &value) {
-            let response = ui.selectable_label(saved.field == path, &path).on_hover_text(&spec.help);
+            let entry = ui.selectable_label(saved.field == path, &path);
+            let response = widgets::help_beside(entry, &spec.help);
             if response.clicked() && saved.field != path {
                 saved.values = usual(spec, &value, &path);
                 saved.field = path;

@@ -7,6 +7,7 @@ mod hostile;
 mod pictures;
 mod plans;
 mod projections;
+mod read_outs;
 mod sweeps;
 mod tunes;
 

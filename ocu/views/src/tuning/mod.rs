@@ -141,7 +141,7 @@ impl Tuning {
             let combo = combo.truncate().show_ui(ui, |ui| {
                 for info in tunable(frame) {
                     let label = ui.selectable_label(info.name == shown.name, &info.name);
-                    if label.on_hover_text(&info.summary).clicked() {
+                    if widgets::help_beside(label, &info.summary).clicked() {
                         saved.process = Some(info.name.clone());
                     }
                 }

@@ -1,0 +1,107 @@
+//! What maps and images say of what is under the pointer, in views of any size.
+
+use super::{Shown, harness};
+use crate::samples;
+use egui::{Rect, Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use rcs_msg::foxglove::packed_element_field::NumericType;
+use rcs_msg::foxglove::{Grid, PackedElementField};
+use rcs_runtime::source::Frame;
+
+const LARGE: Vec2 = Vec2::new(900.0, 560.0);
+/// A place beside the middle of the map of which a source knows the cost, and one of which none does.
+const KNOWN: Vec2 = Vec2::new(9.0, 3.0);
+const UNKNOWN: Vec2 = Vec2::new(-150.0, 0.0);
+
+/// A map with the pointer beside its middle, and the canvas of the map.
+fn map(frame: Frame, size: Vec2, beside: Vec2) -> (Harness<'static, Shown>, Rect) {
+    let mut harness = harness(Shown::new("map", frame), size, Theme::Dark);
+    harness.run();
+    let canvas = harness.get_by_label("Map").rect();
+    harness.hover_at(canvas.center() + beside);
+    harness.run();
+    (harness, canvas)
+}
+
+fn count(harness: &Harness<'_, Shown>, text: &str) -> usize {
+    harness.query_all_by_label_contains(text).count()
+}
+
+/// A grid with a second source, which knows no cell.
+fn grid_of_two_sources() -> Grid {
+    let mut grid = samples::grid(40, 40);
+    let cells = grid.data.chunks(6).flat_map(|cell| cell.iter().copied().chain([255, 0]));
+    let data: Vec<u8> = cells.collect();
+    grid.data = data.into();
+    (grid.cell_stride, grid.row_stride) = (8, 40 * 8);
+    for (name, offset) in [("cost.color", 6), ("conf.color", 7)] {
+        let field = PackedElementField { name: name.into(), offset, r#type: NumericType::Uint8.into() };
+        grid.fields.push(field);
+    }
+    grid
+}
+
+#[test]
+fn a_cell_that_no_source_knows_is_said_in_one_line() {
+    let (known, _) = map(samples::full(), LARGE, KNOWN);
+    let (unknown, _) = map(samples::full(), LARGE, UNKNOWN);
+    assert_eq!(count(&unknown, "/wm1/map  cell"), 1);
+    let named = |harness: &Harness<'_, Shown>| harness.query_all_by_label("unknown").count();
+    assert_eq!(named(&unknown), named(&known) + 1, "one is in the legend");
+    for text in ["stereo", "changed", "fused"] {
+        assert!(count(&known, text) > 0, "{text}");
+        assert_eq!(count(&unknown, text), 0, "{text}");
+    }
+    assert_eq!(count(&unknown, "in a larger map"), 0);
+}
+
+#[test]
+fn a_source_that_knows_nothing_of_a_cell_is_left_out() {
+    let mut frame = samples::empty();
+    frame.topics = vec![samples::topic("/wm1/map", 5.0, 0.2, grid_of_two_sources())].into();
+    let (harness, _) = map(frame, LARGE, KNOWN);
+    assert_eq!(count(&harness, "/wm1/map  cell"), 1);
+    assert_eq!((count(&harness, "stereo"), count(&harness, "color")), (1, 0));
+}
+
+#[test]
+fn a_read_out_lies_inside_of_the_map_and_beside_the_pointer() {
+    for size in [[240.0, 320.0], [320.0, 240.0], [520.0, 200.0], [900.0, 560.0]] {
+        for beside in [KNOWN, Vec2::new(9.0, -3.0)] {
+            let (harness, canvas) = map(samples::full(), Vec2::from(size), beside);
+            assert_eq!(count(&harness, "/wm1/map  cell"), 1, "{size:?}");
+            for text in ["/wm1/map  cell", "fused", "stereo", "      7", "changed", "larger map"] {
+                for node in harness.query_all_by_label_contains(text) {
+                    let rect = node.rect();
+                    assert!(canvas.contains_rect(rect), "{size:?}, {text}: {rect} in {canvas}");
+                    let covers = rect.contains(canvas.center() + beside);
+                    assert!(!covers || size[1] < LARGE.y, "{text}: {rect}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_size_of_an_image_is_not_said_where_it_would_hide_much_of_it() {
+    let says = |size: Vec2| {
+        let mut harness = harness(Shown::new("camera", samples::full()), size, Theme::Dark);
+        harness.run();
+        count(&harness, "96 × 64") > 0
+    };
+    assert!(says(LARGE));
+    assert!(!says(Vec2::new(200.0, 200.0)));
+}
+
+#[test]
+fn a_small_camera_without_an_image_says_so_inside_of_its_tile() {
+    let mut shown = Shown::new("camera", samples::full());
+    let topic = shown.frame.topic("/nothing/yet").unwrap().clone();
+    shown.view.drop_topic(&topic);
+    let mut harness = harness(shown, Vec2::new(150.0, 130.0), Theme::Dark);
+    harness.run();
+    let canvas = harness.get_by_label("Image of /nothing/yet").rect();
+    let text = harness.get_by_label("No image yet").rect();
+    assert!(canvas.contains_rect(text), "{text} in {canvas}");
+}
