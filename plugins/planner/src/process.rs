@@ -9,6 +9,7 @@ use crate::settings::{check_costs, rules_of};
 use crate::terrain::{Past, Rules, Terms};
 use crate::zones::{Polygon, Zones};
 use rcs_geom::{DVec2, Pose};
+use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PosesInFrame};
 use rcs_msg::rcs::{self, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
@@ -18,6 +19,9 @@ use std::collections::VecDeque;
 
 /// Distance from the vehicle within which some of the map must be known, m.
 const KNOWN_WITHIN_M: f64 = 3.0;
+/// Distance from the end of a path beside a blocked goal, m, within which the vehicle stands after this time, s.
+const BESIDE_M: f64 = 1.0;
+const BESIDE_S: f64 = 4.0;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 1.0;
 const MOST_TRACK: usize = 300;
@@ -47,6 +51,8 @@ pub struct AStarPlanner {
     previous: Vec<(f64, f64)>,
     /// Where the vehicle was, local frame, m.
     track: VecDeque<(f64, f64)>,
+    /// Since when the vehicle has been near the end of a path beside a goal that is inside of an obstacle.
+    beside: Option<Stamp>,
     /// Sequence of the map and goal of the last plan.
     planned: Option<(u64, (f64, f64))>,
     plans: u64,
@@ -251,9 +257,11 @@ impl AStarPlanner {
             alternative_m: params.alternative_m,
         };
         self.plans += 1;
-        match self.memory.planner.plan(&task, &rules(params)) {
-            Ok(plan) if is_beside_the_goal(&plan, vehicle, params) => {
-                let left_m = plan.short_of_goal_m;
+        let plan = self.memory.planner.plan(&task, &rules(params));
+        let stands = plan.as_ref().is_ok_and(|plan| self.stands_beside(plan, vehicle, params, cx.now()));
+        match plan {
+            Ok(_) if stands => {
+                let left_m = vehicle.translation.truncate().distance(goal);
                 let why = format!("the goal is inside of an obstacle: stands {left_m:.1} m beside it");
                 self.stop_for(ports, params, PlanState::PlanGoalBlocked, why, cx);
             }
@@ -270,6 +278,19 @@ impl AStarPlanner {
             }
             Err(error) => self.stop(ports, params, error.to_string(), cx),
         }
+    }
+
+    /// Whether the vehicle stands beside a goal that is inside of an obstacle: at the end of the path, or near it for some
+    /// seconds, because it cannot get closer.
+    fn stands_beside(&mut self, plan: &Plan, vehicle: &Pose, params: &PlannerParams, now: Stamp) -> bool {
+        let position = vehicle.translation.truncate();
+        let end_m = plan.chosen.steps.last().map_or(f64::INFINITY, |step| step.at.distance(position));
+        if plan.short_of_goal_m <= params.goal_radius_m || end_m > BESIDE_M {
+            self.beside = None;
+            return false;
+        }
+        let since = *self.beside.get_or_insert(now);
+        end_m <= params.goal_radius_m || now.seconds_since(since) >= BESIDE_S
     }
 
     /// Adds the vehicle's position to the track.
@@ -361,13 +382,6 @@ impl AStarPlanner {
         };
         cx.write(&ports.plan, now, plan);
     }
-}
-
-/// Whether the vehicle is where a path to a blocked goal ends, and that is not near enough.
-fn is_beside_the_goal(plan: &Plan, vehicle: &Pose, params: &PlannerParams) -> bool {
-    let end = plan.chosen.steps.last().map(|step| step.at);
-    let arrived = end.is_some_and(|end| end.distance(vehicle.translation.truncate()) <= params.goal_radius_m);
-    arrived && plan.short_of_goal_m > params.goal_radius_m
 }
 
 /// The cells of a path as poses that look along it.

@@ -208,7 +208,7 @@ fn a_goal_inside_of_an_obstacle_is_told_and_one_beside_it_is_planned_to() {
     bench.cycle();
     let (state, text) = bench.status();
     assert!(
-        state == ProcessState::Error && text.contains("inside of an obstacle: stands 1.9 m beside it"),
+        state == ProcessState::Error && text.contains("inside of an obstacle: stands 2.6 m beside it"),
         "{text}"
     );
 }
