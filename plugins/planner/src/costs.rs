@@ -92,6 +92,12 @@ impl CostGrid {
         }
     }
 
+    /// The highest cost; that of blocked cells does not count. 1 if all are blocked.
+    pub fn most(&self) -> u8 {
+        let cost = |&cell: &u8| if cell == BLOCKED { 1 } else { cell };
+        self.cells.iter().map(cost).fold(1, u8::max)
+    }
+
     /// The lowest cost; that of blocked cells does not count. 1 if all are blocked.
     pub fn least(&self) -> u8 {
         match self.cells.iter().copied().fold(BLOCKED, u8::min) {

@@ -4,9 +4,9 @@
 //! arrival. Buckets lie in a ring: all estimates in the queue must span fewer buckets than there are. Entries that left
 //! are used again, so that the memory is that of the largest front.
 
-/// Width of a bucket as a power of two, in parts of a cell of cost 1: 2.5 cells.
-const WIDTH_BITS: u32 = 10;
-/// Number of buckets: more than two diagonal steps over the dearest terrain are wide.
+/// Least width of a bucket as a power of two: 0.6 cells of cost 1.
+const LEAST_WIDTH_BITS: u32 = 8;
+/// Number of buckets.
 const BUCKETS: usize = 512;
 const WORDS: usize = BUCKETS / 64;
 const NONE: u32 = u32::MAX;
@@ -30,23 +30,22 @@ pub(crate) struct Queue {
     heads: [u32; BUCKETS],
     /// One bit for each bucket that may have entries.
     filled: [u64; WORDS],
-}
-
-/// Number of the bucket of an estimate.
-#[inline]
-pub(crate) fn bucket_of(estimate: u32) -> usize {
-    (estimate >> WIDTH_BITS) as usize
+    /// Width of a bucket as a power of two.
+    width_bits: u32,
 }
 
 impl Default for Queue {
     fn default() -> Self {
-        Self { entries: Vec::new(), unused: NONE, heads: [NONE; BUCKETS], filled: [0; WORDS] }
+        Self { entries: Vec::new(), unused: NONE, heads: [NONE; BUCKETS], filled: [0; WORDS], width_bits: 0 }
     }
 }
 
 impl Queue {
-    /// Empties the queue; its memory stays.
-    pub(crate) fn clear(&mut self, cells: usize) {
+    /// Empties the queue; its memory stays. Estimates that will be in it at once differ by at most `span`, for which the
+    /// buckets are wide enough. In narrow ones, few cells leave the queue before their cheapest way is known.
+    pub(crate) fn clear(&mut self, cells: usize, span: u32) {
+        let within = (BUCKETS - 2) as u32;
+        self.width_bits = (LEAST_WIDTH_BITS..u32::BITS).find(|bits| span >> bits < within).unwrap_or(0);
         self.entries.clear();
         self.entries.reserve(cells);
         self.unused = NONE;
@@ -60,9 +59,15 @@ impl Queue {
         self.entries.capacity()
     }
 
+    /// Number of the bucket of an estimate.
+    #[inline]
+    pub(crate) fn bucket_of(&self, estimate: u32) -> usize {
+        (estimate >> self.width_bits) as usize
+    }
+
     #[inline]
     pub(crate) fn push(&mut self, estimate: u32, column: u16, row: u16, reached: u32) {
-        let slot = bucket_of(estimate) % BUCKETS;
+        let slot = self.bucket_of(estimate) % BUCKETS;
         let entry = Entry { column, row, reached, next: self.heads[slot] };
         let place = self.unused;
         if let Some(unused) = self.entries.get_mut(place as usize) {

@@ -20,7 +20,7 @@
 pub use crate::place::{DIAGONAL, Place, STRAIGHT};
 
 use crate::costs::{BLOCKED, CostGrid, MAX_COST};
-use crate::queue::{Queue, bucket_of};
+use crate::queue::Queue;
 
 /// Why there is no path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -208,7 +208,8 @@ impl Search {
             self.cost[(row + 1) * stride + 1..][..columns].copy_from_slice(cells);
         }
         self.reached.fill(UNREACHED);
-        self.queue.clear(count / 4);
+        // A step raises the estimate by its cost and by as much as it may lead away from the goal.
+        self.queue.clear(count / 4, 2 * u32::from(costs.most()) * DIAGONAL);
         for row in 1..=rows {
             let start = row * stride + 1;
             let around = |offset: usize| &self.cost[start + offset - stride - 1..][..columns];
@@ -243,14 +244,14 @@ impl Search {
         let (stride, cost, allowed, reached) = (*stride, &**cost, &**allowed, &mut **reached);
         let offsets = STEPS.map(|(dx, dy)| dy as isize * stride as isize + dx as isize);
         reached[first] = 0;
-        let mut bucket = bucket_of(target.estimate(start.column, start.row));
+        let mut bucket = queue.bucket_of(target.estimate(start.column, start.row));
         queue.push(target.estimate(start.column, start.row), start.column as u16, start.row as u16, 0);
         // The cheapest way out of the grid so far: its cost and its last cell.
         let mut exit = (UNREACHED, first);
         while let Some(next) = queue.next_bucket(bucket) {
             bucket = next;
             let found = target.cell.map_or(exit.0, |cell| reached[cell]);
-            if found != UNREACHED && bucket_of(found) < bucket {
+            if found != UNREACHED && queue.bucket_of(found) < bucket {
                 break;
             }
             while let Some(entry) = queue.pop(bucket) {
