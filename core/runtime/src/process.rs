@@ -32,7 +32,7 @@ pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static 
     /// Declares the ports. Called once; the order of the calls is the order of the port table.
     fn ports(builder: &mut PortBuilder) -> Self::Ports;
     /// Refuses values that only the process can check, such as the text of a file, before anything runs. An error in a
-    /// file has the form `<field>: line <number>, …`.
+    /// file has the form `<field>: …`, or `<field>: line <number>, …` where the line is known.
     fn check(_params: &Self::Params) -> Result<(), String> {
         Ok(())
     }

@@ -2,8 +2,8 @@
 
 use crate::assets::looks_like_path;
 use crate::cli::WindowArgs;
-use crate::memory::Memory;
 use crate::past_args::PastArgs;
+use crate::remembered::Remembered;
 use rcs_runtime::source::{SourceInfo, SourceKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,7 +22,7 @@ pub struct Request {
     /// Seed of the random numbers.
     pub seed: u64,
     /// What an earlier run remembers, with which the stack begins.
-    pub memory: Option<Arc<Memory>>,
+    pub remembered: Option<Arc<Remembered>>,
     /// Limits of the history kept of a run.
     pub past: PastArgs,
     /// Of a run of a sweep: what tells it from the others, and the log that it read.
@@ -54,7 +54,7 @@ impl Request {
             stack: args.stack.clone().or_else(|| alone.then(|| SIMULATION.to_owned())),
             course: args.course.clone(),
             seed: args.seed,
-            memory: args.remembered.clone(),
+            remembered: args.remembered.clone(),
             past: args.past.clone(),
             run: None,
         }
@@ -90,8 +90,8 @@ impl Request {
 
     /// The request for the same stack, which begins with what an earlier run remembers. Another seed makes it another run.
     #[must_use]
-    pub fn remembering(&self, memory: Memory, seed: u64) -> Self {
-        Self { memory: Some(Arc::new(memory)), seed, ..self.clone() }
+    pub fn remembering(&self, remembered: Remembered, seed: u64) -> Self {
+        Self { remembered: Some(Arc::new(remembered)), seed, ..self.clone() }
     }
 
     /// Title of the open source. A stack from a file is called by its file, because copies of a stack, such as one that

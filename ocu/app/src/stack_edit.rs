@@ -41,6 +41,21 @@ pub fn with_params(
     Ok(edited)
 }
 
+/// The names of the parameters that hold another file than in the stack, which [`with_params`] does not write.
+pub fn unwritten(
+    file: &str,
+    text: &str,
+    course: Option<&str>,
+    process: &str,
+    wanted: &AnyMessage,
+) -> anyhow::Result<Vec<String>> {
+    let before = params_of(file, text, course, process)?;
+    let (old, new) = (before.value()?, wanted.value()?);
+    let mut specs = before.schema().descriptor().map(specs).unwrap_or_default();
+    specs.retain(|spec| spec.file.is_some() && old.field(&spec.name) != new.field(&spec.name));
+    Ok(specs.into_iter().map(|spec| spec.name).collect())
+}
+
 /// The parameters of a process in a stack.
 fn params_of(file: &str, text: &str, course: Option<&str>, process: &str) -> anyhow::Result<AnyMessage> {
     let stack = StackFile::compose(file, text, &ProgramAssets)?;
@@ -254,6 +269,11 @@ mod tests {
         let lines = difference(text("lagr"), &edited("lagr", "waypoint_generator", &changes));
         assert!(lines.iter().any(|line| line.contains("jump_m = 7.5")), "{lines:?}");
         assert!(lines.iter().all(|line| !line.contains("blake3")), "{lines:?}");
+        let before = params_of("lagr", text("lagr"), None, "waypoint_generator").unwrap();
+        let unwritten = |wanted| unwritten("lagr", text("lagr"), None, "waypoint_generator", wanted).unwrap();
+        let wanted = params::with_params(&before, changes.iter().copied()).unwrap();
+        assert_eq!(unwritten(&wanted), ["route"]);
+        assert!(unwritten(&before).is_empty());
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use crate::assets::{ProgramAssets, looks_like_path, read_text};
 use crate::bundled;
-use crate::memory::Memory;
 use crate::open::{Request, SweptRun};
+use crate::remembered::Remembered;
 use crate::{parts, usage};
 use anyhow::Context as _;
 use rcs_log::Log;
@@ -67,15 +67,15 @@ pub(crate) fn plan_with(
     spec: &str,
     course: Option<&str>,
     overrides: &[(String, String)],
-    memory: &Memory,
+    remembered: &Remembered,
 ) -> anyhow::Result<Arc<Plan>> {
     let plain = plan(spec, course, overrides)?;
-    let remembered = memory.overrides(&plain)?;
-    if remembered.is_empty() {
+    let own = remembered.overrides(&plain)?;
+    if own.is_empty() {
         return Ok(plain);
     }
-    let overrides: Vec<(String, String)> = overrides.iter().cloned().chain(remembered).collect();
-    let options = PlanOptions { overrides: &overrides, course, assets: memory };
+    let overrides: Vec<(String, String)> = overrides.iter().cloned().chain(own).collect();
+    let options = PlanOptions { overrides: &overrides, course, assets: remembered };
     Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
 }
 
@@ -109,8 +109,8 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
         }
         return Ok(Box::new(LogSource::new(&log)?));
     };
-    let memory = request.memory.as_deref().cloned().unwrap_or_default();
-    let plan = plan_with(stack, request.course.as_deref(), &[], &memory)?;
+    let remembered = request.remembered.as_deref().cloned().unwrap_or_default();
+    let plan = plan_with(stack, request.course.as_deref(), &[], &remembered)?;
     let log = log_of(request)?;
     let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
@@ -208,5 +208,5 @@ mod tests {
 }
 
 #[cfg(test)]
-#[path = "stacks_memory_tests.rs"]
-mod memory_tests;
+#[path = "stacks_remembered_tests.rs"]
+mod remembered_tests;

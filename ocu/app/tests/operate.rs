@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::window::{State, frame, running, wait_until, writes};
+use common::window::{State, frame, running, wait_for, wait_until, writes};
 use egui::Key;
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -194,6 +194,28 @@ fn a_stop_that_is_not_confirmed_is_never_shown_as_one() {
     harness.get_by_label("Play").click();
     wait_until(&mut harness, "the vehicle's word", |frame| {
         vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+    });
+}
+
+#[test]
+fn a_stop_while_a_release_is_under_way_is_confirmed_by_no_report_of_before() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "the vehicle's word", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+    });
+    harness.get_by_label("Pause").click();
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    harness.run_steps(2);
+    harness.get_by_label_contains("Release").click();
+    harness.run_steps(3);
+    harness.key_press(Key::Escape);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Emergency stop: STOPPING…").is_some(), "the last report is an old one");
+    harness.get_by_label("Play").click();
+    wait_for(&mut harness, "a newer report", |harness| {
+        harness.query_by_label("Emergency stop: STOPPED").is_some()
     });
 }
 

@@ -57,6 +57,28 @@ fn a_buffer_to_which_nothing_was_written_is_told_and_hinders_neither_other_files
 }
 
 #[test]
+fn what_an_earlier_run_remembers_is_refused_where_it_would_not_count_and_is_not_overwritten() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("remembered.json");
+    let route = r#"{"format": 1, "zone": 18, "points": [{"easting_m": 308210.0, "northing_m": 4333645.0},
+                    {"easting_m": 308310.0, "northing_m": 4333645.0}]}"#;
+    let content =
+        serde_json::json!({ "format": 1, "remembered": { "waypoint_generator.route": route } }).to_string();
+    std::fs::write(&file, &content).unwrap();
+    let refused = |args: &[&str], part: &str| {
+        let (code, _, errors) = ocu(&[args, &["--remembered", text(&file)]].concat());
+        assert!(code == 2 && errors.contains(part), "{code} {errors}");
+    };
+    let run = ["run", "--stack", "lagr", "--course", "hill", "--until", "0.1"];
+    let param = ["--param", "waypoint_generator.route=other.json"];
+    refused(&[&run[..], &param].concat(), "--param and --remembered both have waypoint_generator.route");
+    refused(&["a.mcap"], "expected --stack");
+    let save = format!("/vehicle/imu={}", text(&file));
+    refused(&[&run[..], &["--force", "--save", &save]].concat(), "the file is a file that is read");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), content);
+}
+
+#[test]
 fn a_process_that_can_use_none_of_its_messages_is_told_and_can_be_made_an_error() {
     let (_dir, log, stack) = depth_without_calibration();
     let run = ["run", "--stack", text(&stack), "--log", text(&log)];

@@ -131,6 +131,65 @@ fn a_window_closes_at_once_where_nothing_is_lost_and_asks_where_something_would_
     harness.get_by_label("Leave it, close the window").click();
     wait_for(&mut harness, "the close", |harness| has_told(harness, &egui::ViewportCommand::Close));
     assert!(closes(&mut harness), "the user has agreed");
+
+    harness.get_by_label("Start again from the beginning").click();
+    harness.run_steps(3);
+    harness.get_by_label_contains("Leave it").click();
+    let is_new = |frame: &rcs_runtime::source::Frame| writes(frame) == 0 && frame.time_s() > 0.2;
+    wait_until(&mut harness, "a new run", |frame| frame.playback.playing && is_new(frame));
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "a write", |frame| writes(frame) > 0);
+    harness.key_up(Key::W);
+    harness.run_steps(3);
+    assert!(!closes(&mut harness), "what the user agreed to was another run");
+}
+
+#[test]
+fn a_file_that_is_dropped_or_chosen_takes_the_place_of_a_run_only_where_the_user_agrees() {
+    let dir = tempfile::tempdir().unwrap();
+    let recording = common::window::sample(dir.path()).log.unwrap();
+    let mut harness = running(dir.path());
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "a write", |frame| writes(frame) > 0);
+    harness.key_up(Key::W);
+    harness.run_steps(3);
+
+    drop_file(&mut harness, &recording);
+    harness.run_steps(3);
+    harness.get_by_label("Stay").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Stay").is_none());
+
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
+    harness.run_steps(3);
+    harness.get_by_label("Path").type_text(recording.to_str().unwrap());
+    harness.run_steps(2);
+    harness.key_press(Key::Enter);
+    wait_for(&mut harness, "the question", |harness| harness.query_by_label("Stay").is_some());
+    assert!(frame(&harness).unwrap().info.end.is_none(), "the run is still shown");
+    harness.get_by_label("Leave it, open drive.mcap").click();
+    wait_until(&mut harness, "the recording", |frame| frame.info.title == "drive.mcap");
+}
+
+#[test]
+fn the_word_past_on_a_recording_leads_to_what_was_computed_and_not_to_the_end_of_the_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = common::window::sample(dir.path()).log;
+    let request = ocu_app::open::Request { log, stack: Some("sample".to_owned()), ..Default::default() };
+    let mut harness = open(Options { request, layout: Some(Layout::empty()), ..Options::default() });
+    harness.run_steps(3);
+    harness.key_press(Key::Period);
+    wait_until(&mut harness, "a second", |frame| frame.time_s() > 0.9 && frame.runs.is_at_end);
+    harness.run_steps(2);
+    let newest = frame(&harness).unwrap().now;
+    harness.key_press(Key::Home);
+    wait_until(&mut harness, "the start", |frame| frame.time_s() < 0.1);
+    harness.run_steps(2);
+    harness.get_by_role_and_label(egui::accesskit::Role::Button, "PAST").click();
+    wait_until(&mut harness, "the newest time", |frame| frame.runs.is_at_end);
+    let moment = frame(&harness).unwrap();
+    assert_eq!(moment.now, newest);
+    assert!(moment.info.end.is_some_and(|end| newest < end), "nothing more was computed");
 }
 
 #[test]
@@ -388,4 +447,12 @@ fn a_sweep_runs_beside_the_open_stack_and_a_click_opens_a_run() {
     harness.run_steps(3);
     assert!(harness.query_by_label("Run with seed 2: ended").is_some(), "the table stays");
     wait_until(&mut harness, "its time", |frame| frame.time_s() > 0.4);
+
+    // It is a recording: no stack is open that could run once more.
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::K);
+    harness.run_steps(3);
+    harness.get_by_label("Find a command").type_text("Next run");
+    harness.run_steps(3);
+    harness.get_by_label("Next run, with what this one remembers").click();
+    wait_for(&mut harness, "the reason", |harness| is_told(harness, "no stack is open that could begin"));
 }

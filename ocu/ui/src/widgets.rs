@@ -115,12 +115,27 @@ pub fn help_beside(response: Response, help: &str) -> Response {
 
 /// A word in a coloured outline, for a state that must not be shown by colour alone.
 pub fn tag(ui: &mut Ui, text: &str, color: Color32) -> Response {
-    let galley = ui.painter().layout_no_wrap(text.to_owned(), FontId::proportional(11.0), color);
-    let (rect, response) = ui.allocate_exact_size(Vec2::new(galley.size().x + 8.0, 16.0), Sense::hover());
-    let stroke = egui::Stroke::new(1.0, color.gamma_multiply(0.7));
-    ui.painter().rect(rect, 3.0, color.gamma_multiply(0.1), stroke, egui::StrokeKind::Inside);
-    ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
+    let response = outlined(ui, text, color, Sense::hover());
     response.widget_info(|| WidgetInfo::labeled(Role::Label, true, text));
+    response
+}
+
+/// The same as a button, which is brighter under the pointer.
+pub fn tag_button(ui: &mut Ui, text: &str, color: Color32) -> Response {
+    let response = outlined(ui, text, color, Sense::click());
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, true, text));
+    response.on_hover_cursor(egui::CursorIcon::PointingHand)
+}
+
+/// Paints a word in a coloured outline.
+fn outlined(ui: &mut Ui, text: &str, color: Color32, sense: Sense) -> Response {
+    let galley = ui.painter().layout_no_wrap(text.to_owned(), FontId::proportional(11.0), color);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(galley.size().x + 8.0, 16.0), sense);
+    let is_bright = sense.senses_click() && response.hovered();
+    let fill = color.gamma_multiply(if is_bright { 0.3 } else { 0.1 });
+    let stroke = egui::Stroke::new(1.0, color.gamma_multiply(0.7));
+    ui.painter().rect(rect, 3.0, fill, stroke, egui::StrokeKind::Inside);
+    ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
     response
 }
 

@@ -40,6 +40,8 @@ pub struct WaypointFollower {
     /// Whether the vehicle turned on the spot, to the left (1) or right (-1).
     turning: i8,
     modes: Modes,
+    /// Whether the active mode is one of before `INIT`.
+    is_renewed: bool,
     watch: Watch,
     /// What SHAKE does, m/s and rad/s, and since when.
     shakes: Option<([f64; 2], Stamp)>,
@@ -141,12 +143,14 @@ impl Process for WaypointFollower {
         Self::default()
     }
 
-    /// The active mode is kept until the first cycle after `INIT`, which says that it has ended.
+    /// The active mode is kept until the next cycle, which says that it has ended.
     fn renew(&self, _params: &WaypointFollowerParams) -> Self {
-        Self { modes: self.modes.clone(), ..Self::default() }
+        Self { modes: self.modes.clone(), is_renewed: true, ..Self::default() }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
+        // `RUN` may follow before there was a cycle of `INIT`.
+        self.end_mode_of_before(ports, params, cx);
         let extrinsics = Extrinsics::new(params.pose.as_ref(), None);
         let local = extrinsics.frames.local;
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
@@ -207,7 +211,7 @@ impl Process for WaypointFollower {
     }
 
     fn init(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
-        self.end_mode("initialized", ports, params, cx);
+        self.end_mode_of_before(ports, params, cx);
         send(ports, 0.0, 0.0, cx);
         cx.done("initialized");
     }
@@ -216,6 +220,7 @@ impl Process for WaypointFollower {
         self.path_at = None;
         self.goal = None;
         self.no_way = false;
+        self.end_mode_of_before(ports, params, cx);
         self.end_mode("halted", ports, params, cx);
         self.watch = Watch::default();
         send(ports, 0.0, 0.0, cx);
@@ -336,6 +341,13 @@ impl WaypointFollower {
         }
         let (at, _) = self.modes.active()?;
         table.modes.get(at).cloned()
+    }
+
+    /// Ends the mode that was active before `INIT`.
+    fn end_mode_of_before(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
+        if std::mem::take(&mut self.is_renewed) {
+            self.end_mode("initialized", ports, params, cx);
+        }
     }
 
     /// Ends the active mode, if there is one, for a reason that is not in the table. Forgets what is

@@ -136,6 +136,9 @@ impl Process for AStarPlanner {
         let mut is_newly_refused = false;
         while let Some(command) = cx.next_command::<Self>() {
             let PlannerCommand::PlanTo(goal) = command;
+            let to = DVec2::new(goal.x_m, goal.y_m);
+            self.beside =
+                self.beside.filter(|_| self.goal.is_some_and(|at| to.distance(at.into()) < BESIDE_M));
             self.goal = Some((goal.x_m, goal.y_m));
             self.is_passed = goal.is_passed;
             self.route = goal.route.iter().map(|point| (point.x_m, point.y_m)).collect();
@@ -206,6 +209,7 @@ impl Process for AStarPlanner {
     fn halt(&mut self, ports: &Ports, params: &PlannerParams, cx: &mut Cycle<'_>) {
         if cx.is_new_command() {
             self.goal = None;
+            self.beside = None;
             self.refused = None;
             self.planned = None;
             self.send_none(ports, params, PlanState::PlanNone, "halted", cx);
@@ -258,7 +262,7 @@ impl AStarPlanner {
         };
         self.plans += 1;
         let plan = self.memory.planner.plan(&task, &rules(params));
-        let stands = plan.as_ref().is_ok_and(|plan| self.stands_beside(plan, vehicle, params, cx.now()));
+        let stands = self.stands_beside(plan.as_ref().ok(), vehicle, params, cx.now());
         match plan {
             Ok(_) if stands => {
                 let left_m = vehicle.translation.truncate().distance(goal);
@@ -282,10 +286,18 @@ impl AStarPlanner {
 
     /// Whether the vehicle stands beside a goal that is inside of an obstacle: at the end of the path, or near it for some
     /// seconds, because it cannot get closer.
-    fn stands_beside(&mut self, plan: &Plan, vehicle: &Pose, params: &PlannerParams, now: Stamp) -> bool {
+    fn stands_beside(
+        &mut self,
+        plan: Option<&Plan>,
+        vehicle: &Pose,
+        params: &PlannerParams,
+        now: Stamp,
+    ) -> bool {
         let position = vehicle.translation.truncate();
-        let end_m = plan.chosen.steps.last().map_or(f64::INFINITY, |step| step.at.distance(position));
-        if plan.short_of_goal_m <= params.goal_radius_m || end_m > BESIDE_M {
+        let beside = plan.filter(|plan| plan.short_of_goal_m > params.goal_radius_m);
+        let end = beside.and_then(|plan| plan.chosen.steps.last());
+        let end_m = end.map_or(f64::INFINITY, |step| step.at.distance(position));
+        if end_m > BESIDE_M {
             self.beside = None;
             return false;
         }

@@ -24,8 +24,9 @@ pub use tune::TuneArgs;
 pub(crate) use values::parse_values;
 pub use values::{Param, Save, Size, Values};
 
-use crate::memory::{Memory, parse_memory_file};
 use crate::past_args::PastArgs;
+use crate::remembered::{Remembered, parse_remembered};
+use crate::usage;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eval::EVAL_EXAMPLE;
 use stack::STACK_EXAMPLE;
@@ -107,8 +108,8 @@ pub struct WindowArgs {
     #[arg(long, short, value_name = "COURSE")]
     pub course: Option<String>,
     /// What an earlier run remembers, a file that the window saved: the stack begins with it
-    #[arg(long, value_name = "FILE", value_parser = parse_memory_file)]
-    pub remembered: Option<Arc<Memory>>,
+    #[arg(long, value_name = "FILE", value_parser = parse_remembered)]
+    pub remembered: Option<Arc<Remembered>>,
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -121,6 +122,18 @@ pub struct WindowArgs {
     /// Limits of the history kept of a run
     #[command(flatten)]
     pub past: PastArgs,
+}
+
+impl WindowArgs {
+    /// Refuses arguments that would have no effect.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        if self.remembered.is_some() && self.log.is_some() && self.stack.is_none() {
+            return Err(usage(
+                "--remembered: expected --stack, too, because a recording alone runs nothing that could remember",
+            ));
+        }
+        Ok(())
+    }
 }
 
 /// Graphics API of the window.
@@ -159,5 +172,18 @@ mod tests {
         let cli = Cli::try_parse_from(["ocu", "info", "drive.mcap", "--json"]).unwrap();
         assert!(matches!(cli.command, Some(Command::Info(InfoArgs { json: true, .. }))));
         assert!(Cli::try_parse_from(["ocu", "render", "--layout", "default"]).is_err());
+    }
+
+    #[test]
+    fn what_a_run_remembers_needs_a_stack_that_runs() {
+        let check = |log: Option<&str>, stack: Option<&str>| {
+            let (log, stack) = (log.map(PathBuf::from), stack.map(str::to_owned));
+            let remembered = Some(Arc::default());
+            WindowArgs { log, stack, remembered, ..WindowArgs::default() }.check()
+        };
+        assert!(check(None, None).is_ok(), "the simulation");
+        assert!(check(Some("a.mcap"), Some("lagr")).is_ok());
+        let refused = check(Some("a.mcap"), None).unwrap_err();
+        assert!(refused.is::<crate::Usage>() && refused.to_string().contains("--stack"), "{refused}");
     }
 }

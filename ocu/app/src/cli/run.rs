@@ -2,7 +2,7 @@
 
 use super::faults::FaultArgs;
 use super::values::{Param, Save, parse_param, parse_save, parse_seconds, parse_what};
-use crate::memory::{Memory, parse_memory_file};
+use crate::remembered::{Remembered, parse_remembered};
 use clap::Args;
 use rcs_runtime::RecordWhat;
 use std::path::PathBuf;
@@ -69,8 +69,8 @@ pub struct RunArgs {
     #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
     pub save: Vec<Save>,
     /// What an earlier run remembers, a file that the window saved: the run begins with it
-    #[arg(long, value_name = "FILE", value_parser = parse_memory_file, conflicts_with = "replay")]
-    pub remembered: Option<Arc<Memory>>,
+    #[arg(long, value_name = "FILE", value_parser = parse_remembered, conflicts_with = "replay")]
+    pub remembered: Option<Arc<Remembered>>,
     /// Seed of the run's random numbers, 0 by default
     #[arg(long)]
     pub seed: Option<u64>,

@@ -58,7 +58,7 @@ pub(super) fn run(
         Report::new(stopped.summary, outcome, clock.elapsed().as_secs_f64()).with_timings(&stopped.timings);
     let verdict = referee.as_ref().and_then(runs::verdict);
     report.runs.extend(verdict.map(|verdict| RunReport::new(seed, &verdict, report.hash.clone())));
-    let memory = crate::memory::Memory::default();
+    let memory = crate::remembered::Remembered::default();
     Done { report, verdict: None, failure, unsaved: None, memory }.print(args, out)
 }
 

@@ -8,8 +8,8 @@ mod report;
 
 use crate::assets::looks_like_path;
 use crate::cli::{RunArgs, Save};
-use crate::memory::Memory;
 use crate::output::{self, Files};
+use crate::remembered::Remembered;
 use crate::runs::{self, RunReport, Stop};
 use crate::{BUILD, Ended, stacks, usage};
 use acts::Act;
@@ -75,10 +75,9 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         runs.extend(done.verdict.take());
         outcome = outcome.max(done.report.outcome);
     }
-    done.failure = done.failure.or(done.unsaved.take());
     done.report.runs = runs;
     done.report.warnings = warnings;
-    done.report.outcome = if done.failure.is_some() { Outcome::Error } else { outcome };
+    done.report.outcome = outcome;
     done.print(args, out)
 }
 
@@ -110,10 +109,10 @@ fn check_outputs(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
     args.save.iter().try_for_each(|save| files.writes(&format!("--save {}", save.buffer), &save.path))
 }
 
-/// Refuses outputs onto files named by the stack or the course.
+/// Refuses outputs onto files that were read: those named by the stack or the course, and `--remembered`.
 fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
     for path in crate::assets::files_read() {
-        files.reads("a file that the stack names", &path);
+        files.reads("a file that is read", &path);
     }
     check_outputs(args, files)
 }
@@ -122,7 +121,12 @@ fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
 fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
     let stack =
         args.stack.as_deref().ok_or_else(|| usage("expected --stack, or --replay with a recording"))?;
-    stacks::plan_with(stack, args.course.as_deref(), &overrides(args), &remembered(args))
+    let (overrides, remembered) = (overrides(args), remembered(args));
+    let is_given = |name: &&str| overrides.iter().any(|(given, _)| given == name);
+    if let Some(name) = remembered.names().find(is_given) {
+        return Err(usage(format!("--param and --remembered both have {name}; expected one of them")));
+    }
+    stacks::plan_with(stack, args.course.as_deref(), &overrides, &remembered)
 }
 
 /// Parameters of the command line, as `(process.field, value)`.
@@ -131,7 +135,7 @@ fn overrides(args: &RunArgs) -> Vec<(String, String)> {
 }
 
 /// What the command line says that an earlier run remembers.
-fn remembered(args: &RunArgs) -> Memory {
+fn remembered(args: &RunArgs) -> Remembered {
     args.remembered.as_deref().cloned().unwrap_or_default()
 }
 
@@ -184,7 +188,7 @@ struct Done {
     /// Why a buffer was not saved, such as that nothing was written to it; the next run may write to it.
     unsaved: Option<anyhow::Error>,
     /// What the processes remember at the end.
-    memory: Memory,
+    memory: Remembered,
 }
 
 impl Done {
@@ -211,18 +215,22 @@ impl Done {
         let verdict = runs::referee(run.plan())
             .and_then(|referee| runs::verdict(&run.buffers()[referee]))
             .map(|verdict| RunReport::new(seed, &verdict, report.hash.clone()));
-        let memory = Memory::of(run).unwrap_or_else(|error| {
+        let memory = Remembered::of(run).unwrap_or_else(|error| {
             failure.get_or_insert(error);
-            Memory::default()
+            Remembered::default()
         });
         Self { report, verdict, failure, unsaved, memory }
     }
 
     /// Prints the report. What went wrong is told whether or not anybody reads it.
     fn print(self, args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
-        let report = self.report.judged(args.fail_on_fault);
+        let failure = self.failure.or(self.unsaved);
+        let mut report = self.report.judged(args.fail_on_fault);
+        if failure.is_some() {
+            report.outcome = Outcome::Error;
+        }
         let printed = crate::despite_closed_output(report.print(args.json, out));
-        if let Some(error) = self.failure {
+        if let Some(error) = failure {
             return Err(error);
         }
         printed?;
@@ -241,7 +249,12 @@ impl Ready<'_> {
     }
 
     /// One more run, with what those before remember.
-    fn run_again(&mut self, memory: &Memory, seed: u64, recorded: Option<PathBuf>) -> anyhow::Result<Done> {
+    fn run_again(
+        &mut self,
+        memory: &Remembered,
+        seed: u64,
+        recorded: Option<PathBuf>,
+    ) -> anyhow::Result<Done> {
         if let Some(name) = &self.args.stack {
             let course = self.args.course.as_deref();
             self.plan = stacks::plan_with(name, course, &overrides(self.args), memory)?;

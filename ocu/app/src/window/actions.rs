@@ -12,8 +12,8 @@ use super::top_state::TopBarAction;
 use super::tree::Workspace;
 use crate::layout::Layout;
 use crate::layout_fit::fitting;
-use crate::memory::Memory;
 use crate::open::Request;
+use crate::remembered::Remembered;
 use crate::say;
 use egui::ViewportCommand;
 use rcs_runtime::source::{Control, Frame, SourceKind};
@@ -33,56 +33,77 @@ impl Window {
         }
     }
 
-    pub(super) fn take_dropped(&mut self, ui: &egui::Ui) {
+    /// Opens a file that was dropped on the window.
+    pub(super) fn take_dropped(&mut self, ui: &egui::Ui, controls: &mut Vec<Control>) {
         let files = ui.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
         if let [first, rest @ ..] = files.as_slice() {
             if !rest.is_empty() {
                 let text = format!("{} files were dropped; one can be opened at a time", files.len());
                 self.notices.error(Matter::Open, text);
             }
-            self.open_path(first.path());
+            self.open_path(first.path(), controls);
         }
     }
 
     /// Opens a recording, a stack, a layout, or what a run remembers.
-    pub(super) fn open_path(&mut self, path: &Path) {
+    pub(super) fn open_path(&mut self, path: &Path, controls: &mut Vec<Control>) {
         let is = |ending: &str| path.extension().is_some_and(|known| known.eq_ignore_ascii_case(ending));
         if is("json") {
-            self.open_memory(path);
+            self.open_remembered(path, controls);
         } else if is("ron") {
             match Layout::load(path) {
                 Ok(layout) => self.choose(&layout),
                 Err(error) => self.notices.error(Matter::Layout, say(&error)),
             }
         } else {
-            self.opener.open(Request::dropped(path, &self.current));
+            self.open_asking(Request::dropped(path, &self.current), controls);
         }
     }
 
     /// Starts the stack again with what an earlier run remembers, a file.
-    fn open_memory(&mut self, path: &Path) {
-        if self.current.stack.is_none() {
-            let text = format!("open a stack first, which reads what a run remembers: {}", path.display());
-            return self.notices.error(Matter::Open, text);
-        }
-        match Memory::load(path) {
-            Ok(memory) => self.opener.open(self.current.remembering(memory, self.current.seed)),
-            Err(error) => self.notices.error(Matter::Open, say(&error)),
+    fn open_remembered(&mut self, path: &Path, controls: &mut Vec<Control>) {
+        let load = |window: &mut Self| match Remembered::load(path) {
+            Ok(remembered) => Some(remembered),
+            Err(error) => {
+                window.notices.error(Matter::Open, say(&error));
+                None
+            }
+        };
+        if let Some(request) = self.remembering(self.current.seed, load) {
+            self.open_asking(request, controls);
         }
     }
 
-    /// What this run and those before it remember; says so if that is nothing.
-    fn remembered(&mut self, frame: Option<&Frame>) -> Option<Memory> {
-        let mut memory = self.current.memory.as_deref().cloned().unwrap_or_default();
-        match frame.map(Memory::of_frame)? {
-            Ok(later) => memory.add(later),
-            Err(error) => self.notices.error(Matter::Run, say(&error)),
+    /// The request for the open stack with this seed, which begins with what `find` finds; says so where no stack is open.
+    fn remembering(
+        &mut self,
+        seed: u64,
+        find: impl FnOnce(&mut Self) -> Option<Remembered>,
+    ) -> Option<Request> {
+        if self.current.stack.is_none() {
+            let text = "no stack is open that could begin with what a run remembers; expected one";
+            self.notices.error(Matter::Open, text);
+            return None;
         }
-        if memory.is_empty() {
+        let remembered = find(self)?;
+        Some(self.current.remembering(remembered, seed))
+    }
+
+    /// What this run and those before it remember; says so if that is nothing, or not known yet.
+    fn remembered(&mut self, frame: Option<&Frame>) -> Option<Remembered> {
+        let mut remembered = self.current.remembered.as_deref().cloned().unwrap_or_default();
+        match frame.map(Remembered::of_frame)? {
+            Ok(later) => remembered.add(later),
+            Err(error) => {
+                self.notices.error(Matter::Run, say(&error));
+                return None;
+            }
+        }
+        if remembered.is_empty() {
             let text = "this run remembers nothing yet; expected a map, a route, slippery places or models";
             self.notices.error(Matter::Run, text);
         }
-        Some(memory).filter(|memory| !memory.is_empty())
+        Some(remembered).filter(|remembered| !remembered.is_empty())
     }
 
     /// Carries out the commands of the keys that were pressed; returns whether there was any.
@@ -120,13 +141,13 @@ impl Window {
             Command::Palette => self.palette.toggle(),
             Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
             Command::NextRun => {
-                if let Some(memory) = self.remembered(frame) {
-                    let next = self.current.remembering(memory, self.current.seed.wrapping_add(1));
+                let seed = self.current.seed.wrapping_add(1);
+                if let Some(next) = self.remembering(seed, |window| window.remembered(frame)) {
                     self.open_asking(next, controls);
                 }
             }
-            Command::SaveMemory => {
-                let saved = self.remembered(frame).map(|memory| memory.to_text());
+            Command::SaveRemembered => {
+                let saved = self.remembered(frame).map(|remembered| remembered.to_text());
                 match saved {
                     None => {}
                     Some(Ok(text)) => self.dialogs.save_file.ask("remembered.json", text.into_bytes().into()),
@@ -203,6 +224,9 @@ impl Window {
             TopBarAction::Record(path) => controls.push(recording::start(path)),
             TopBarAction::StopRecording => controls.push(Control::StopRecording),
             TopBarAction::Seek(time) => controls.push(Control::Seek(time)),
+            TopBarAction::ToNewest => {
+                controls.extend(frame.map(|frame| Control::Seek(self.timeline.newest(frame))));
+            }
             TopBarAction::Acknowledge(until) => self.known_alarms = until,
             TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
             TopBarAction::Undo => controls.push(Control::Undo),

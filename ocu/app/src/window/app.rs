@@ -10,6 +10,7 @@ use std::time::Instant;
 
 /// Opens the window; returns when it is closed.
 pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
+    args.check()?;
     let started = Instant::now();
     let layout = args.layout.as_deref().map(Layout::named).transpose()?;
     let options = Options { request: Request::of(args), layout, data_dir: data_dir() };

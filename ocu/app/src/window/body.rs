@@ -217,9 +217,9 @@ impl Window {
             // A stack has nothing to show until it runs.
             driver.send(Control::Play);
         }
-        if let Some(memory) = request.memory.as_deref().filter(|_| request.stack.is_some()) {
-            let names: Vec<&str> = memory.names().collect();
-            let text = format!("begins with what an earlier run remembers: {}", names.join(", "));
+        if let Some(remembered) = request.remembered.as_deref().filter(|_| request.stack.is_some()) {
+            let names = remembered.in_force(&driver.frame()).join(", ");
+            let text = format!("begins with what an earlier run remembers: {names}");
             self.notices.news(Matter::Run, text);
         }
         if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
@@ -229,6 +229,7 @@ impl Window {
         self.gathered.clear();
         self.compared.clear();
         (self.known_runs, self.known_alarms) = (0, Stamp(0));
+        self.leaving = Leaving::default();
         self.marks = Bookmarks::of(request.log.as_deref());
         self.current = request;
         self.dialogs.other.clear();
@@ -298,9 +299,9 @@ impl Window {
     pub fn ui(&mut self, ui: &mut egui::Ui) {
         self.take_opened();
         self.follow();
-        self.take_dropped(ui);
-        let frame = self.shown.frame();
         let mut controls = Vec::new();
+        self.take_dropped(ui, &mut controls);
+        let frame = self.shown.frame();
         let live = frame.as_deref().filter(|_| matches!(self.shown, Shown::Live(_)));
         let stops = live.is_some_and(|frame| self.operating.stop_state(frame) != StopState::None);
         let acted = self.take_keys(ui.ctx(), stops, frame.as_deref(), &mut controls);
@@ -329,7 +330,7 @@ impl Window {
         let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
         self.notices.ui(ui, middle, source_error.as_deref());
         if let Some(path) = self.opener.ui(ui) {
-            self.open_path(&path);
+            self.open_path(&path, &mut controls);
         }
         self.key_list_ui(ui);
         self.leaving_ui(ui, &mut controls);

@@ -33,7 +33,7 @@ pub(super) enum Command {
     /// Start the next run with what this one remembers.
     NextRun,
     /// Save what this run remembers.
-    SaveMemory,
+    SaveRemembered,
     /// Begin to record, or end the recording.
     Record,
     /// Silence the alarms that there are.
@@ -188,7 +188,7 @@ pub(super) const COMMANDS: &[Entry] = {
         entry(C::Open, "open", "Open a recording or a stack", Source, N::Nothing, &[key!(COMMAND O)]),
         entry(C::Restart, "restart", "Start again from the beginning", Source, N::Stack, &[]),
         entry(C::NextRun, "next_run", "Next run, with what this one remembers", Source, N::Stack, &[]),
-        entry(C::SaveMemory, "save_memory", "Save what this run remembers…", Source, N::Source, &[]),
+        entry(C::SaveRemembered, "save_remembered", "Save what this run remembers…", Source, N::Source, &[]),
         entry(C::TakeBack, "take_back", "Take the last write back", Source, N::Stack, &[]),
         entry(
             C::Record,

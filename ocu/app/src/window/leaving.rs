@@ -10,8 +10,8 @@ use std::path::PathBuf;
 /// What leaving a source ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Lost {
-    /// Number of writes into its runs that nothing else has.
-    writes: u64,
+    /// Whether there are writes into its runs.
+    has_acts: bool,
     /// The file of the recording that ends.
     recording: Option<PathBuf>,
 }
@@ -19,31 +19,23 @@ pub(super) struct Lost {
 impl Lost {
     /// What leaving this source ends; `None` if nothing would be lost.
     pub(super) fn with(frame: &Frame) -> Option<Self> {
-        let writes = match frame.info.kind {
-            SourceKind::Log => 0,
-            SourceKind::Replay | SourceKind::Stack => {
-                frame.runs.all.iter().map(|run| run.writes as u64).sum()
-            }
-        };
+        let has_acts = frame.info.kind != SourceKind::Log && frame.runs.all.iter().any(|run| run.writes > 0);
         let recording = recording::running(frame).map(|recording| recording.path.clone());
-        (writes > 0 || recording.is_some()).then_some(Self { writes, recording })
+        (has_acts || recording.is_some()).then_some(Self { has_acts, recording })
     }
 
     fn text(&self) -> String {
-        let acts = match self.writes {
-            0 => None,
-            1 => Some("1 act of yours is".to_owned()),
-            count => Some(format!("{count} acts of yours are")),
-        };
-        let recorded =
-            |path: &PathBuf| format!("The recording ends here, and its file is kept: {}", path.display());
-        match (acts, &self.recording) {
-            (Some(acts), Some(path)) => format!("{acts} in it. {}", recorded(path)),
-            (None, Some(path)) => recorded(path),
-            (Some(acts), None) => {
-                format!("{acts} in it, and it is not recorded: it cannot be shown again.")
+        let ends = |path: &PathBuf| format!("The recording ends here: {}", path.display());
+        match (self.has_acts, &self.recording) {
+            (true, Some(path)) => format!(
+                "Acts of before the recording began, and of other runs, cannot be shown again. {}",
+                ends(path)
+            ),
+            (false, Some(path)) => ends(path),
+            (true, None) => {
+                "Acts of yours are in it, and it is not recorded: it cannot be shown again.".to_owned()
             }
-            (None, None) => String::new(),
+            (false, None) => String::new(),
         }
     }
 }
@@ -151,7 +143,7 @@ mod tests {
 
     #[test]
     fn the_window_stays_open_until_the_user_agrees_to_what_is_lost() {
-        let lost = || Some(Lost { writes: 2, recording: None });
+        let lost = || Some(Lost { has_acts: true, recording: None });
         let mut leaving = Leaving::default();
         assert!(!leaving.keeps_open(None) && leaving.question.is_none());
         assert!(leaving.keeps_open(lost()));
@@ -162,15 +154,17 @@ mod tests {
     }
 
     #[test]
-    fn the_question_says_what_is_lost_and_what_is_kept() {
-        let text =
-            |writes, recording: Option<&str>| Lost { writes, recording: recording.map(PathBuf::from) }.text();
+    fn the_question_says_what_is_lost() {
+        let text = |has_acts, recording: Option<&str>| {
+            Lost { has_acts, recording: recording.map(PathBuf::from) }.text()
+        };
         assert_eq!(
-            text(1, None),
-            "1 act of yours is in it, and it is not recorded: it cannot be shown again."
+            text(true, None),
+            "Acts of yours are in it, and it is not recorded: it cannot be shown again."
         );
-        let kept = "The recording ends here, and its file is kept: a.mcap";
-        assert_eq!(text(0, Some("a.mcap")), kept);
-        assert_eq!(text(2, Some("a.mcap")), format!("2 acts of yours are in it. {kept}"));
+        let ends = "The recording ends here: a.mcap";
+        assert_eq!(text(false, Some("a.mcap")), ends);
+        let acts = "Acts of before the recording began, and of other runs, cannot be shown again.";
+        assert_eq!(text(true, Some("a.mcap")), format!("{acts} {ends}"));
     }
 }

@@ -48,6 +48,9 @@ struct Asked {
     has_arrived: bool,
     /// Time in the last message that was sent.
     stamp: Stamp,
+    /// Time of the request, if the vehicle may still be about to confirm one for the contrary: a report of before says
+    /// nothing.
+    newer_than: Option<Stamp>,
     /// Since when the vehicle could have confirmed it.
     since: Instant,
     /// When it was last sent.
@@ -57,12 +60,20 @@ struct Asked {
 impl Asked {
     fn new(frame: &Frame, active: bool, now: Instant) -> Self {
         let (from, stamp) = (frame.runs.moment, frame.now);
-        Self { active, from, has_arrived: false, stamp, since: now, sent: now }
+        Self { active, from, has_arrived: false, stamp, newer_than: None, since: now, sent: now }
     }
 
     /// Whether it holds at the viewed moment.
     fn holds(&self, frame: &Frame) -> bool {
         has_passed(frame, self.from)
+    }
+
+    /// Whether the vehicle says at the viewed moment that it does what was requested.
+    fn is_confirmed(&self, frame: &Frame) -> bool {
+        operator::vehicle(frame).is_some_and(|(topic, status)| {
+            let at = topic.latest.as_ref().map(|latest| latest.header.log_time);
+            status.emergency_stopped == self.active && self.newer_than.is_none_or(|than| at > Some(than))
+        })
     }
 
     /// Looks for the message in the run. If the user has just gone elsewhere, it may be at another moment than the
@@ -139,7 +150,8 @@ impl Operating {
         if let Some(asked) = again {
             (asked.stamp, asked.sent) = (frame.now, now);
         } else {
-            self.asked = Some(Asked::new(frame, active, now));
+            let newer_than = self.asked.as_ref().filter(|asked| asked.holds(frame)).map(|_| frame.now);
+            self.asked = Some(Asked { newer_than, ..Asked::new(frame, active, now) });
         }
         send(frame, active, controls);
     }
@@ -150,7 +162,7 @@ impl Operating {
             return StopState::None;
         }
         match self.asked.as_ref().filter(|asked| asked.holds(frame)) {
-            Some(asked) if Some(asked.active) != confirmed(frame) => StopState::Asked {
+            Some(asked) if !asked.is_confirmed(frame) => StopState::Asked {
                 active: asked.active,
                 late: frame.playback.playing && asked.since.elapsed() > LATE,
             },
@@ -196,7 +208,7 @@ impl Operating {
         let Some(asked) = &mut self.asked else { return };
         asked.find(frame);
         let holds = asked.holds(frame);
-        if holds && confirmed(frame) == Some(asked.active) {
+        if holds && asked.is_confirmed(frame) {
             self.asked = None;
         } else if !holds || !frame.playback.playing {
             asked.wait(Instant::now());

@@ -15,8 +15,18 @@ pub(super) struct SaveParams {
     process: String,
     /// The file, which the user may change.
     file: PathRow,
-    /// The text of the stack before and after, or why it cannot be written.
-    edit: Result<(String, String), String>,
+    /// What would change, or why it cannot be written.
+    edit: Result<Edit, String>,
+}
+
+/// A change of a stack file.
+struct Edit {
+    /// Its text before.
+    old: String,
+    /// Its text after.
+    new: String,
+    /// Names of the parameters in force that hold a file, which is no part of the stack file.
+    unwritten: Vec<String>,
 }
 
 /// What became of the dialog.
@@ -31,7 +41,7 @@ impl SaveParams {
     pub(super) fn new(current: &Request, process: &str, params: &AnyMessage) -> Self {
         let prepared = prepare(current, process, params).map_err(|error| say(&error));
         let (file, edit) = match prepared {
-            Ok((file, old, new)) => (file, Ok((old, new))),
+            Ok((file, edit)) => (file, Ok(edit)),
             Err(error) => (String::new(), Err(error)),
         };
         Self { process: process.to_owned(), file: PathRow::new(file), edit }
@@ -41,17 +51,17 @@ impl SaveParams {
     pub(super) fn ui(&mut self, ctx: &egui::Context, in_use: impl FnOnce() -> Files) -> Saved {
         let mut written = None;
         let open = dialog(ctx, &format!("Save the parameters of {}", self.process), |ui| {
-            let (old, new) = match &self.edit {
-                Ok(both) => both,
+            let edit = match &self.edit {
+                Ok(edit) => edit,
                 Err(error) => {
                     ui.add(egui::Label::new(RichText::new(error).color(tokens(ui).error)).wrap());
                     return;
                 }
             };
-            difference(ui, old, new);
+            difference(ui, edit);
             ui.add_space(4.0);
-            written = self.file.ui(ui, Purpose::Save, old != new, |path| {
-                save(path, new.as_bytes(), in_use())?;
+            written = self.file.ui(ui, Purpose::Save, edit.old != edit.new, |path| {
+                save(path, edit.new.as_bytes(), in_use())?;
                 Ok(path.to_owned())
             });
         });
@@ -63,25 +73,30 @@ impl SaveParams {
     }
 }
 
-/// The file to write, and the text of the stack before and after.
-fn prepare(
-    current: &Request,
-    process: &str,
-    params: &AnyMessage,
-) -> anyhow::Result<(String, String, String)> {
+/// The file to write, and what would change in it.
+fn prepare(current: &Request, process: &str, params: &AnyMessage) -> anyhow::Result<(String, Edit)> {
     let Some(spec) = &current.stack else {
         anyhow::bail!("nothing runs here from a stack file, so there is none to write to");
     };
-    let (file, text) = stacks::text_of(spec)?;
-    let new = stack_edit::with_params(&file, &text, current.course.as_deref(), process, params)?;
-    Ok((file, text, new))
+    let (file, old) = stacks::text_of(spec)?;
+    let course = current.course.as_deref();
+    let new = stack_edit::with_params(&file, &old, course, process, params)?;
+    let unwritten = stack_edit::unwritten(&file, &old, course, process, params)?;
+    Ok((file, Edit { old, new, unwritten }))
 }
 
-/// The changed lines with three lines around them: marked by sign and colour.
-fn difference(ui: &mut egui::Ui, old: &str, new: &str) {
+/// The changed lines with three lines around them, marked by sign and colour; and what is not written.
+fn difference(ui: &mut egui::Ui, edit: &Edit) {
+    let Edit { old, new, unwritten } = edit;
     let tokens = tokens(ui);
+    if !unwritten.is_empty() {
+        let text = format!("Not written, because it is a file: {}", unwritten.join(", "));
+        ui.add(egui::Label::new(text).wrap());
+    }
     if old == new {
-        ui.label("The stack file says the same already.");
+        if unwritten.is_empty() {
+            ui.label("The stack file says the same already.");
+        }
         return;
     }
     let diff = TextDiff::from_lines(old, new);
@@ -100,4 +115,39 @@ fn difference(ui: &mut egui::Ui, old: &str, new: &str) {
             ui.add_space(6.0);
         }
     });
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use rcs_msg::params::with_params;
+
+    #[test]
+    fn a_file_in_force_is_said_not_to_be_written() {
+        let plan = stacks::plan("lagr", None, &[]).unwrap();
+        let process = plan.processes.iter().find(|process| &*process.name == "waypoint_generator").unwrap();
+        let request = Request { stack: Some("lagr".to_owned()), ..Request::default() };
+        let says = |params: &AnyMessage, text: &str| {
+            let mut harness = Harness::new_ui_state(
+                |ui, dialog: &mut Option<SaveParams>| {
+                    if let Some(dialog) = dialog {
+                        dialog.ui(ui.ctx(), || Files::new(true));
+                    }
+                },
+                None,
+            );
+            ocu_ui::install(&harness.ctx);
+            *harness.state_mut() = Some(SaveParams::new(&request, "waypoint_generator", params));
+            harness.run();
+            harness.query_by_label(text).is_some()
+        };
+        let loaded = with_params(&process.params, [("route", "blake3:0123")]).unwrap();
+        let (unwritten, same) =
+            ("Not written, because it is a file: route", "The stack file says the same already.");
+        assert!(says(&loaded, unwritten) && !says(&loaded, same));
+        assert!(says(&process.params, same) && !says(&process.params, unwritten));
+    }
 }

@@ -54,7 +54,7 @@ impl Sweeping {
         if current.stack.is_some() && self.base.as_ref() != Some(current) {
             self.base = Some(current.clone());
         }
-        let what = self.base.as_ref().map(Request::title).unwrap_or_default();
+        let what = self.base.as_ref().map(what).unwrap_or_default();
         let state = match &self.running {
             None => SweepState { what, ..SweepState::default() },
             Some(running) => {
@@ -130,6 +130,15 @@ impl Sweeping {
 impl Drop for Running {
     fn drop(&mut self) {
         self.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+/// What a sweep runs.
+fn what(base: &Request) -> String {
+    let title = base.title();
+    match base.remembered {
+        Some(_) => format!("{title}, without what earlier runs remember"),
+        None => title,
     }
 }
 
@@ -258,6 +267,15 @@ mod tests {
         let log = state.rows[3].recording.clone();
         let mut opened = crate::stacks::open(&Request { log, ..Request::default() }).unwrap();
         assert!(opened.frame().topics.iter().any(|topic| topic.name.starts_with("/truth_driver")));
+    }
+
+    #[test]
+    fn a_sweep_of_a_run_that_began_with_what_an_earlier_one_remembers_says_that_it_does_not() {
+        let mut sweeping = Sweeping::new(None);
+        assert_eq!(sweeping.state(&base()).what, "truth_driver on meadow");
+        let next = base().remembering(crate::remembered::Remembered::default(), 1);
+        let what = "truth_driver on meadow, without what earlier runs remember";
+        assert_eq!(sweeping.state(&next).what, what);
     }
 
     #[test]

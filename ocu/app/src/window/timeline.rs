@@ -28,7 +28,7 @@ pub(super) struct Timeline {
     asked: Option<Stamp>,
     /// The latest time reached by a source without an end.
     furthest: Stamp,
-    /// The newest time of each run of such a source.
+    /// The newest time of each run at which it was seen.
     newest: BTreeMap<RunId, Stamp>,
     /// Where the user went, until the source is there.
     going_to: Option<Stamp>,
@@ -73,10 +73,7 @@ impl Timeline {
                 Control::Step(Step::Time { ns: if back { -SECOND_NS } else { SECOND_NS } })
             }
             Command::ToStart => Control::Seek(frame.info.start),
-            Command::ToEnd => {
-                let newest = self.newest.get(&frame.runs.current()).copied().unwrap_or(self.furthest);
-                Control::Seek(frame.info.end.unwrap_or(newest))
-            }
+            Command::ToEnd => Control::Seek(frame.info.end.unwrap_or_else(|| self.newest(frame))),
             Command::Loop => Control::Loop(!playback.looping),
             Command::NextEvent { back } => {
                 let wanted = &EventKind::ALL[..EventKind::ALL.len() - 1];
@@ -84,6 +81,13 @@ impl Timeline {
             }
             _ => return None,
         })
+    }
+
+    /// The newest time of the run that is shown. It can be later than its last event.
+    pub(super) fn newest(&self, frame: &Frame) -> Stamp {
+        let current = frame.runs.current();
+        let last = frame.runs.all.iter().find(|run| run.id == current).map(|run| run.end);
+        last.max(self.newest.get(&current).copied()).unwrap_or(self.furthest)
     }
 
     /// Paints the timeline.

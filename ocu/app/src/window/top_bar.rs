@@ -68,7 +68,7 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
         });
     }
     if frame.info.kind != SourceKind::Log && !frame.runs.is_at_end && !frame.runs.all.is_empty() {
-        bar.left("past", Fit::Leaves(105), |ui, form, actions| past(ui, form, state, actions));
+        bar.left("past", Fit::Leaves(105), |ui, form, actions| past(ui, form, state, frame, actions));
     }
     bar.left("authority", Fit::Leaves(85), |ui, form, _| authority(ui, form, frame));
     bar.left("alarms", Fit::Leaves(115), |ui, form, actions| alarms(ui, form, state, frame, actions));

@@ -82,7 +82,7 @@ pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actio
                 if response.clicked() {
                     actions.push(TopBarAction::Open(Request {
                         stack: stack.map(str::to_owned),
-                        memory: None,
+                        remembered: None,
                         ..current.clone()
                     }));
                     ui.close();
@@ -122,7 +122,7 @@ pub(super) fn course_menu(
         for course in bundled::names("course") {
             if ui.selectable_label(course == running, course).clicked() {
                 let course = Some(course.to_owned());
-                actions.push(TopBarAction::Open(Request { course, memory: None, ..current.clone() }));
+                actions.push(TopBarAction::Open(Request { course, remembered: None, ..current.clone() }));
                 ui.close();
             }
         }
@@ -133,13 +133,13 @@ pub(super) fn course_menu(
             let label = ui.label("Seed");
             ui.add(egui::DragValue::new(&mut seed).speed(0.1)).labelled_by(label.id);
             if ui.button("Start with it").clicked() {
-                actions.push(TopBarAction::Open(Request { seed, memory: None, ..current.clone() }));
+                actions.push(TopBarAction::Open(Request { seed, remembered: None, ..current.clone() }));
                 ui.close();
             }
         });
         ui.data_mut(|data| data.insert_temp(id, seed));
         ui.separator();
-        for command in [Command::NextRun, Command::SaveMemory] {
+        for command in [Command::NextRun, Command::SaveRemembered] {
             let Some(entry) = entry_of(command) else { continue };
             if ui.button(entry.name).clicked() {
                 actions.push(TopBarAction::Run(command));

@@ -45,6 +45,8 @@ pub(super) enum TopBarAction {
     StopRecording,
     /// Go to a time.
     Seek(rcs_msg::Stamp),
+    /// Go to the newest time of the run that is shown.
+    ToNewest,
     /// The alarms up to this time are known.
     Acknowledge(rcs_msg::Stamp),
     /// Show another run of the stack.

@@ -2,7 +2,6 @@
 
 use super::commands::{Command, entry_of};
 use super::top_state::{Actions, State, TopBarAction};
-use egui::{FontId, Role, Sense, Stroke, StrokeKind, Vec2, WidgetInfo};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::rcs::ProcessState;
@@ -40,28 +39,24 @@ pub(super) fn problems(ui: &mut egui::Ui, form: Form, frame: &Frame) {
 }
 
 /// Says that the viewed moment is in the past; a click goes to the newest time. It looks like a tag.
-pub(super) fn past(ui: &mut egui::Ui, form: Form, state: &State<'_>, actions: &mut Actions) {
-    let color = tokens(ui).warning;
-    let galley = ui.painter().layout_no_wrap("PAST".to_owned(), FontId::proportional(11.0), color);
-    let size = Vec2::new(galley.size().x + 8.0, 16.0);
-    let (rect, response) = ui.allocate_exact_size(size, Sense::click());
-    response.widget_info(|| WidgetInfo::labeled(Role::Button, true, "PAST"));
-    let fill = color.gamma_multiply(if response.hovered() { 0.3 } else { 0.1 });
-    let edge = Stroke::new(1.0, color.gamma_multiply(0.7));
-    ui.painter().rect(rect, 3.0, fill, edge, StrokeKind::Inside);
-    ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
+pub(super) fn past(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &Frame, actions: &mut Actions) {
+    let response = widgets::tag_button(ui, "PAST", tokens(ui).warning);
     if response.clicked() {
-        actions.push(TopBarAction::Run(Command::ToEnd));
+        actions.push(TopBarAction::ToNewest);
         if form == Form::Listed {
             ui.close();
         }
     }
+    // On a recording, the key leads to the end of that, up to which the run has to be computed.
+    let key = match frame.info.end {
+        Some(_) => String::new(),
+        None => format!(" ({})", state.keymap.text(Command::ToEnd)),
+    };
     let help = format!(
-        "Go to the newest time ({}). This moment is in the past of the run: a command, a parameter or driving from here \
-         begins another run, and this one is kept.",
-        state.keymap.text(Command::ToEnd)
+        "Go to the newest time{key}. This moment is in the past of the run: a command, a parameter or driving from here \
+         begins another run, and this one is kept."
     );
-    response.on_hover_cursor(egui::CursorIcon::PointingHand).on_hover_text(help);
+    response.on_hover_text(help);
 }
 
 /// Who commands the processes: the operator, or the supervisor above them.

@@ -19,7 +19,7 @@ const NUMBER: usize = 9;
 const OF_SOURCE: usize = 8;
 const FRAME: usize = 9;
 /// The greatest cost.
-const MOST_COST: f64 = 250.0;
+const MOST_COST: f64 = rcs_world::MAX_COST as f64;
 /// The fields of the fused cost, and those of the time at which the cell changed.
 const FUSED: [&str; 4] = ["cost", "confidence", "source", "label"];
 const CHANGED: [&str; 2] = ["updated_s", "updated_ns"];

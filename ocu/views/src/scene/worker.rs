@@ -1,5 +1,5 @@
-//! The thread that prepares and draws the scene: the interface never waits for it. Of several requests only the newest
-//! is carried out.
+//! The thread that prepares and draws the scene. The interface waits for it only where the view is closed, for a moment.
+//! Of several requests only the newest is carried out.
 
 use super::camera::Camera;
 use super::gpu::{Draw, Gpu, Pixels};
@@ -13,6 +13,7 @@ use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::PointCloud;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -67,13 +68,15 @@ pub(super) struct Picture {
 }
 
 /// Maximum time for which a view that is closed waits for its thread.
-const LAST: Duration = Duration::from_secs(2);
+const LAST: Duration = Duration::from_millis(500);
 
 /// The thread, from outside. Dropping it waits until the thread has drawn its current picture and released the device:
 /// a program that ends while a thread still uses the graphics driver crashes in it.
 pub(super) struct Worker {
     /// `None` only while it is dropped.
     requests: Option<Sender<Request>>,
+    /// Set when the view is closed: what was requested and not begun is not drawn any more.
+    is_closed: Arc<AtomicBool>,
     /// Closed by the thread once it has released the device.
     pictures: Receiver<Result<Picture, String>>,
     /// `None` only while it is dropped.
@@ -84,6 +87,8 @@ impl Worker {
     pub(super) fn start(ctx: egui::Context) -> std::io::Result<Self> {
         let (requests, receiver) = channel::<Request>();
         let (sender, pictures) = channel();
+        let is_closed = Arc::new(AtomicBool::new(false));
+        let ends = Arc::clone(&is_closed);
         let thread = std::thread::Builder::new().name("scene".to_owned()).spawn(move || {
             let sender = sender;
             let mut gpu = None;
@@ -91,6 +96,9 @@ impl Worker {
             while let Ok(mut request) = receiver.recv() {
                 while let Ok(newer) = receiver.try_recv() {
                     request = newer;
+                }
+                if ends.load(Ordering::Relaxed) {
+                    return;
                 }
                 let drawn = match &mut gpu {
                     None => Gpu::new().and_then(|new| picture(gpu.insert(new), &mut prepared, &request)),
@@ -103,7 +111,7 @@ impl Worker {
                 ctx.request_repaint_after(Duration::from_millis(1));
             }
         })?;
-        Ok(Self { requests: Some(requests), pictures, thread: Some(thread) })
+        Ok(Self { requests: Some(requests), is_closed, pictures, thread: Some(thread) })
     }
 
     pub(super) fn ask(&self, request: Request) {
@@ -126,6 +134,7 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
+        self.is_closed.store(true, Ordering::Relaxed);
         self.requests = None;
         let until = Instant::now() + LAST;
         let ended = loop {

@@ -162,6 +162,14 @@ fn a_mode_that_another_table_halt_or_init_ends_is_told_to_have_ended() {
     back_up(&mut bench);
     tell(&mut bench, 102, "INIT");
     assert_ended(&bench, "initialized", 6);
+    tell(&mut bench, 103, "RUN");
+    back_up(&mut bench);
+    for (serial, name) in [(104, "INIT"), (105, "RUN")] {
+        let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
+        bench.write("/follower/command", command);
+    }
+    cycle(&mut bench, 0.0, 0.0, free, 1);
+    assert_ended(&bench, "initialized", 8);
 }
 
 #[test]

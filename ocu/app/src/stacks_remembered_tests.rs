@@ -1,23 +1,23 @@
 //! Runs that begin with what an earlier run remembers.
 
 use super::{open, options, plan, plan_with};
-use crate::memory::Memory;
 use crate::open::Request;
+use crate::remembered::Remembered;
 use rcs_runtime::Stepped;
-use rcs_runtime::source::Task;
+use rcs_runtime::source::{Frame, Task};
 
 const ROUTE: &str = r#"{"format": 1, "zone": 18, "points": [
     {"easting_m": 308210.0, "northing_m": 4333645.0}, {"easting_m": 308310.0, "northing_m": 4333645.0}]}"#;
 
 /// What a file says.
-fn loaded(text: &str) -> anyhow::Result<Memory> {
+fn loaded(text: &str) -> anyhow::Result<Remembered> {
     let dir = tempfile::tempdir()?;
     let path = dir.path().join("remembered.json");
     std::fs::write(&path, text)?;
-    Memory::load(&path)
+    Remembered::load(&path)
 }
 
-fn with(route: &str) -> Memory {
+fn with(route: &str) -> Remembered {
     let file = serde_json::json!({ "format": 1, "remembered": { "waypoint_generator.route": route } });
     loaded(&file.to_string()).unwrap()
 }
@@ -34,10 +34,10 @@ fn every_stack_that_drives_by_what_it_senses_can_run_again_with_what_it_remember
         }
         let goal = run.buffers().iter().find(|buffer| buffer.name() == "/waypoint_generator/goal").unwrap();
         assert!(goal.newest() > 0, "{stack} has written a goal, which is no memory");
-        let memory = Memory::of(&run).unwrap();
-        plan_with(stack, Some("hill"), &[], &memory).unwrap_or_else(|error| panic!("{stack}: {error}"));
+        let remembered = Remembered::of(&run).unwrap();
+        plan_with(stack, Some("hill"), &[], &remembered).unwrap_or_else(|error| panic!("{stack}: {error}"));
         let remembers = run.plan().file.remembers();
-        assert_eq!((memory.is_empty(), stack != "lagr_stereo_only"), (!remembers, remembers), "{stack}");
+        assert_eq!((remembered.is_empty(), stack != "lagr_stereo_only"), (!remembers, remembers), "{stack}");
         if remembers {
             let request = Request {
                 stack: Some(stack.to_owned()),
@@ -47,8 +47,11 @@ fn every_stack_that_drives_by_what_it_senses_can_run_again_with_what_it_remember
             let mut source = open(&request).unwrap();
             source.seek(until, &Task::default()).unwrap();
             while source.idle() {}
-            assert_eq!(Memory::of_frame(&source.frame()).unwrap(), memory, "{stack}: what the window shows");
-            assert_eq!(loaded(&memory.to_text().unwrap()).unwrap(), memory, "{stack}: the file");
+            let shown = Remembered::of_frame(&source.frame()).unwrap();
+            assert_eq!(shown, remembered, "{stack}: what the window shows");
+            let names: Vec<&str> = remembered.names().collect();
+            assert_eq!(remembered.in_force(&source.frame()), names, "{stack}: what the window says");
+            assert_eq!(loaded(&remembered.to_text().unwrap()).unwrap(), remembered, "{stack}: the file");
         }
     }
 }
@@ -64,6 +67,37 @@ fn what_a_run_remembers_is_a_parameter_of_the_next_one() {
     assert!(refused.to_string().contains("route of an earlier run:1: format is 7, expected 1"), "{refused}");
     let refused = plan_with("simulation", None, &[], &with(ROUTE)).unwrap_err().to_string();
     assert!(refused.contains("simulation") && refused.contains("waypoint_generator.route"), "{refused}");
+    let refused = plan_with("lagr_stereo_only", Some("hill"), &[], &with(ROUTE)).unwrap_err().to_string();
+    assert_eq!(refused, "the stack lagr_stereo_only remembers nothing from run to run");
+}
+
+/// What the window shows of a stack that has not run yet.
+fn first_frame(stack: &str) -> Frame {
+    open(&Request { stack: Some(stack.to_owned()), ..Request::default() }).unwrap().frame()
+}
+
+#[test]
+fn what_is_still_being_computed_is_told_and_not_left_out() {
+    let mut frame = first_frame("lagr");
+    assert!(Remembered::of_frame(&frame).is_ok());
+    let pending = |topic: &rcs_runtime::source::Topic| {
+        let mut topic = topic.clone();
+        topic.pending = true;
+        topic
+    };
+    frame.topics = frame.topics.iter().map(pending).collect();
+    let refused = Remembered::of_frame(&frame).unwrap_err().to_string();
+    assert!(refused.ends_with(" of this moment is still being computed; try again"), "{refused}");
+}
+
+#[test]
+fn of_what_is_remembered_only_the_parameters_that_a_stack_has_are_in_force() {
+    let names = ["absent.map", "waypoint_generator.absent", "waypoint_generator.route"];
+    let texts: std::collections::BTreeMap<&str, &str> = names.into_iter().map(|name| (name, ROUTE)).collect();
+    let file = serde_json::json!({ "format": 1, "remembered": texts });
+    let remembered = loaded(&file.to_string()).unwrap();
+    assert_eq!(remembered.in_force(&first_frame("lagr")), ["waypoint_generator.route"]);
+    assert!(remembered.in_force(&first_frame("simulation")).is_empty());
 }
 
 #[test]

@@ -29,7 +29,7 @@ const FORMAT: u32 = 1;
 
 /// Texts by parameter: `process.field`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Memory {
+pub struct Remembered {
     texts: BTreeMap<String, String>,
 }
 
@@ -41,39 +41,44 @@ struct File {
     remembered: BTreeMap<String, String>,
 }
 
-impl Memory {
+impl Remembered {
     /// What the processes of a run remember at its end; nothing of a stack that does not remember.
     pub(crate) fn of(run: &Stepped) -> anyhow::Result<Self> {
-        let mut memory = Self::default();
+        let mut found = Self::default();
         if !run.plan().file.remembers() {
-            return Ok(memory);
+            return Ok(found);
         }
         for process in &run.plan().processes {
             let names = remembered(&process.params.schema());
             for (port, &buffer) in process.kind.outputs().iter().zip(&process.outputs) {
                 let newest = run.buffers()[buffer].latest();
                 if let Some(sample) = newest.filter(|_| names.iter().any(|name| name == port.name)) {
-                    memory.put(&process.name, port.name, &sample)?;
+                    found.put(&process.name, port.name, &sample)?;
                 }
             }
         }
-        Ok(memory)
+        Ok(found)
     }
 
-    /// What the processes remember at the moment that is shown, of a run or of a recording of one.
+    /// What the processes remember at the moment that is shown, of a run or of a recording of one. An error while
+    /// messages of this moment are being computed.
     pub(crate) fn of_frame(frame: &Frame) -> anyhow::Result<Self> {
-        let mut memory = Self::default();
+        let mut found = Self::default();
         for process in frame.processes.iter() {
-            let kind = rcs_plugins::all().iter().find(|kind| kind.def().plugin == process.plugin);
-            let names = kind.map(|kind| remembered(kind.params_schema())).unwrap_or_default();
+            let names = remembered_by(&process.plugin);
             for port in process.outputs.iter().filter(|port| names.contains(&port.name)) {
-                let topic = frame.topic(&port.buffer).filter(|topic| !topic.pending);
-                if let Some(sample) = topic.and_then(|topic| topic.latest.as_ref()) {
-                    memory.put(&process.name, &port.name, sample)?;
+                let Some(topic) = frame.topic(&port.buffer) else { continue };
+                anyhow::ensure!(
+                    !topic.pending,
+                    "{} of this moment is still being computed; try again",
+                    topic.name
+                );
+                if let Some(sample) = &topic.latest {
+                    found.put(&process.name, &port.name, sample)?;
                 }
             }
         }
-        Ok(memory)
+        Ok(found)
     }
 
     fn put(&mut self, process: &str, field: &str, sample: &rcs_bus::Sample) -> anyhow::Result<()> {
@@ -107,14 +112,29 @@ impl Memory {
         self.texts.keys().map(String::as_str)
     }
 
+    /// Those of the parameters that processes of this source have.
+    pub(crate) fn in_force(&self, frame: &Frame) -> Vec<&str> {
+        let is_in_force = |name: &&str| {
+            let Some((process, field)) = name.split_once('.') else { return false };
+            let known = frame.processes.iter().find(|known| known.name == process);
+            known.is_some_and(|known| remembered_by(&known.plugin).iter().any(|known| known == field))
+        };
+        self.names().filter(is_in_force).collect()
+    }
+
     /// Adds what a later run remembers; what it has forgotten stays.
-    pub(crate) fn add(&mut self, later: Memory) {
+    pub(crate) fn add(&mut self, later: Remembered) {
         self.texts.extend(later.texts);
     }
 
     /// The parameters of a stack that hold it, as overrides whose values are the names of files of these [`Assets`]. An
-    /// error if the stack has none of them.
+    /// error if the stack has none of them, or does not remember.
     pub(crate) fn overrides(&self, plan: &Plan) -> anyhow::Result<Vec<(String, String)>> {
+        anyhow::ensure!(
+            self.is_empty() || plan.file.remembers(),
+            "the stack {} remembers nothing from run to run",
+            plan.file.name()
+        );
         let fields = |process: &rcs_runtime::ProcessPlan| {
             let names = remembered(&process.params.schema());
             names.into_iter().map(|name| format!("{}.{name}", process.name)).collect::<Vec<_>>()
@@ -131,6 +151,12 @@ impl Memory {
     }
 }
 
+/// The parameters of a plugin that hold what it remembers.
+fn remembered_by(plugin: &str) -> Vec<String> {
+    let kind = rcs_plugins::all().iter().find(|kind| kind.def().plugin == plugin);
+    kind.map(|kind| remembered(kind.params_schema())).unwrap_or_default()
+}
+
 /// The parameters of a process that hold what it remembers.
 fn remembered(schema: &Schema) -> Vec<String> {
     let is_remembered =
@@ -140,11 +166,11 @@ fn remembered(schema: &Schema) -> Vec<String> {
 }
 
 /// Reads a file that the command line names.
-pub(crate) fn parse_memory_file(path: &str) -> Result<Arc<Memory>, String> {
-    Memory::load(Path::new(path)).map(Arc::new).map_err(|error| crate::say(&error))
+pub(crate) fn parse_remembered(path: &str) -> Result<Arc<Remembered>, String> {
+    Remembered::load(Path::new(path)).map(Arc::new).map_err(|error| crate::say(&error))
 }
 
-impl Assets for Memory {
+impl Assets for Remembered {
     fn read(&self, kind: &str, name: &str, beside: &str) -> Result<Asset, String> {
         match self.texts.get(name) {
             Some(text) => Ok(Asset { file: format!("{name} of an earlier run"), text: text.clone() }),
