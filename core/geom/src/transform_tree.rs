@@ -181,6 +181,17 @@ impl TransformTree {
         Ok(())
     }
 
+    /// Takes the transforms of frames that have none here from another tree, but for those that would close a loop. Their
+    /// samples are shared.
+    pub fn take_missing(&mut self, other: &TransformTree) {
+        for (child, link) in &other.links {
+            let is_missing = !self.links.contains_key(child);
+            if is_missing && self.check_edge(&link.parent, child, &Pose::IDENTITY).is_ok() {
+                self.links.insert(child.clone(), link.clone());
+            }
+        }
+    }
+
     /// `target_from_source` at a time: takes points of `source` into `target`.
     pub fn lookup(&self, target: &str, source: &str, time_ns: u64) -> Result<Pose, TransformError> {
         let (target_chain, source_chain) = self.chains(target, source)?;

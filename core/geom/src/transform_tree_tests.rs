@@ -130,3 +130,20 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn what_another_tree_says_of_frames_without_a_transform_is_taken() {
+    let mut tree = TransformTree::new();
+    tree.set_static("vehicle", "camera", Pose::from_translation(DVec3::Z)).unwrap();
+    let mut other = TransformTree::new();
+    other.insert("local", "vehicle", 5, Pose::from_translation(DVec3::X)).unwrap();
+    other.insert("elsewhere", "camera", 5, Pose::IDENTITY).unwrap();
+    tree.take_missing(&other);
+    assert_eq!(tree.parent("camera"), Some("vehicle"), "what is known stays");
+    let local_from_camera = tree.lookup("local", "camera", 5).unwrap();
+    assert_eq!(local_from_camera.translation, DVec3::new(1.0, 0.0, 1.0));
+    let mut loops = TransformTree::new();
+    loops.set_static("camera", "local", Pose::IDENTITY).unwrap();
+    tree.take_missing(&loops);
+    assert_eq!(tree.parent("local"), None, "a loop is not closed");
+}

@@ -6,7 +6,9 @@ use crate::open::{Request, SweptRun};
 use crate::remembered::Remembered;
 use crate::{parts, usage};
 use anyhow::Context as _;
-use rcs_log::Log;
+use rcs_log::{CursorOptions, Log};
+use rcs_msg::AnyMessage;
+use rcs_msg::rcs::CourseRun;
 use rcs_runtime::source::{LogSource, Source, StackSource};
 use rcs_runtime::{Plan, PlanOptions, RecordedRun, RunOptions, StackError, StackFile};
 use std::path::{Path, PathBuf};
@@ -99,6 +101,37 @@ fn log_of(request: &Request) -> anyhow::Result<Option<Log>> {
     Ok(Some(open_parts(&files)?))
 }
 
+/// The course of a stack: the given one, else that of the recorded run which it reads, so that it drives to the goal of then.
+/// `None` for the stack's own course: without a recording, for a stack without a course, and for a recording of no bundled
+/// course.
+pub(crate) fn course_on(
+    stack: &str,
+    given: Option<&str>,
+    log: Option<&Log>,
+) -> anyhow::Result<Option<String>> {
+    if let Some(given) = given {
+        return Ok(Some(given.to_owned()));
+    }
+    let Some(log) = log.filter(|_| named(stack).is_ok_and(|stack| stack.course().is_some())) else {
+        return Ok(None);
+    };
+    let Some(topic) = log.info().topics.iter().find(|topic| topic.schema.name() == "rcs.CourseRun") else {
+        return Ok(None);
+    };
+    let options = CursorOptions { topics: Some(vec![topic.id]), ..CursorOptions::default() };
+    let Some(first) = log.cursor(options).next().transpose()? else { return Ok(None) };
+    let run = AnyMessage::encoded(topic.schema.clone(), first.data).to::<CourseRun>();
+    let Some(course) = run.map(|run| run.course).filter(|course| !course.is_empty()) else { return Ok(None) };
+    if bundled::file("course", &course).is_none() {
+        tracing::warn!(
+            "the recording is of the course {course:?}, which is no bundled one: the stack drives to the goal of its own \
+             course; expected the file of that course as --course"
+        );
+        return Ok(None);
+    }
+    Ok(Some(course))
+}
+
 /// Opens a source: a recording, a stack on a recording, or a stack alone (on a course if it is a simulation).
 pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     let Some(stack) = &request.stack else {
@@ -110,8 +143,9 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
         return Ok(Box::new(LogSource::new(&log)?));
     };
     let remembered = request.remembered.as_deref().cloned().unwrap_or_default();
-    let plan = plan_with(stack, request.course.as_deref(), &[], &remembered)?;
     let log = log_of(request)?;
+    let course = course_on(stack, request.course.as_deref(), log.as_ref())?;
+    let plan = plan_with(stack, course.as_deref(), &[], &remembered)?;
     let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
     Ok(Box::new(source))

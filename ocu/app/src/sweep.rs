@@ -126,8 +126,8 @@ pub(crate) struct Prepared<'a> {
 impl<'a> Prepared<'a> {
     /// Refuses what cannot run, before anything runs; makes the folder of the recordings.
     pub(crate) fn new(args: &'a SweepArgs) -> anyhow::Result<Self> {
-        let variants = variants(args)?;
         let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+        let variants = variants(args, log.as_ref())?;
         for variant in &variants {
             runs::check(&variant.plan, log.as_ref(), args.until, args.course.is_some())?;
         }
@@ -163,7 +163,7 @@ impl<'a> Prepared<'a> {
 }
 
 /// Every combination of values and seeds. The last parameter changes first.
-fn variants(args: &SweepArgs) -> anyhow::Result<Vec<Variant>> {
+fn variants(args: &SweepArgs, log: Option<&Log>) -> anyhow::Result<Vec<Variant>> {
     let mut paths: Vec<&str> = args.params.iter().map(|values| values.path.as_str()).collect();
     paths.sort_unstable();
     if let Some(pair) = paths.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -189,10 +189,11 @@ fn variants(args: &SweepArgs) -> anyhow::Result<Vec<Variant>> {
             .flat_map(|known| values.iter().map(move |value| with(known, value)))
             .collect();
     }
+    let course = stacks::course_on(&args.stack, args.course.as_deref(), log)?;
     let mut variants = Vec::with_capacity(runs);
     for params in combinations {
         let overrides: Vec<(String, String)> = params.clone().into_iter().collect();
-        let plan = stacks::plan(&args.stack, args.course.as_deref(), &overrides)?;
+        let plan = stacks::plan(&args.stack, course.as_deref(), &overrides)?;
         let mut acts = faults::acts(&args.faults.faults, &plan)?;
         acts.sort_by_key(|act| act.at_ns);
         for seed in (0..u64::from(args.runs)).map(|run| args.seed.wrapping_add(run)) {

@@ -276,3 +276,26 @@ fn each_of_several_runs_is_recorded_and_repeated_with_what_the_one_before_has_le
     assert!(code == 2 && errors.contains("drive-2.mcap"), "{errors}");
     assert!(!Path::new(&path("drive-1.mcap")).exists());
 }
+
+#[test]
+fn a_stack_on_a_recording_of_a_course_has_the_goal_of_that_course() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("hill.mcap");
+    let run = ["run", "--stack", "simulation", "--course", "hill", "--until", "0.5", "--record"];
+    let (code, _, error) = ocu(&[&run[..], &[log.to_str().unwrap()]].concat());
+    assert_eq!(code, 0, "{error}");
+    let goal = |course: Option<&str>| {
+        let request = ocu_app::open::Request {
+            log: Some(log.clone()),
+            stack: Some("replay".to_owned()),
+            course: course.map(str::to_owned),
+            ..Default::default()
+        };
+        let frame = ocu_app::stacks::open(&request).unwrap().frame();
+        let params = frame.topic("/waypoint_generator/params").unwrap().latest.clone().unwrap();
+        params.message.value().unwrap().field("goal").cloned()
+    };
+    assert!(goal(None).is_some());
+    assert_eq!(goal(None), goal(Some("hill")));
+    assert_ne!(goal(None), goal(Some("meadow")));
+}

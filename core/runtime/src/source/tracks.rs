@@ -138,9 +138,8 @@ struct Growing {
 pub(crate) struct Tracks {
     by_topic: BTreeMap<Arc<str>, Growing>,
     tree: TransformTree,
-    /// Transforms implied by odometry, used if no message gives them.
+    /// Transforms implied by odometry, used for frames of which no message gives one.
     implied: TransformTree,
-    has_transforms: bool,
 }
 
 impl Gathered for Tracks {
@@ -206,12 +205,12 @@ impl Tracks {
         let Some(pose) = pose_of(translation, rotation) else { return };
         let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
         let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
-        let taken = if is_static {
+        // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
+        let _ = if is_static {
             self.tree.set_static(parent, child, pose)
         } else {
             self.tree.insert(parent, child, time.0, pose)
         };
-        self.has_transforms |= taken.is_ok();
     }
 
     /// Number of positions.
@@ -230,9 +229,11 @@ impl Tracks {
         })
     }
 
-    /// All transforms, shared; those implied by odometry only if no message gives any.
+    /// All transforms, shared; those implied by odometry only of frames of which no message gives one.
     pub(crate) fn tree(&self) -> TransformTree {
-        if self.has_transforms { self.tree.clone() } else { self.implied.clone() }
+        let mut tree = self.tree.clone();
+        tree.take_missing(&self.implied);
+        tree
     }
 }
 

@@ -29,9 +29,9 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     if let Some(recording) = &args.replay {
         return replay::run(args, recording, files, out);
     }
-    let plan = plan(args)?;
-    check_assets(args, files)?;
     let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+    let plan = plan(args, log.as_ref())?;
+    check_assets(args, files)?;
     runs::check(&plan, log.as_ref(), args.until, args.course.is_some())?;
     if let Some(save) = args.save.iter().find(|save| !has_buffer(&plan, &save.buffer)) {
         return Err(usage(format!(
@@ -117,8 +117,8 @@ fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
     check_outputs(args, files)
 }
 
-/// The stack named by the arguments, with their course and parameters.
-fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
+/// The stack named by the arguments, with their course, or that of the recording that it reads, and their parameters.
+fn plan(args: &RunArgs, log: Option<&Log>) -> anyhow::Result<Arc<Plan>> {
     let stack =
         args.stack.as_deref().ok_or_else(|| usage("expected --stack, or --replay with a recording"))?;
     let (overrides, remembered) = (overrides(args), remembered(args));
@@ -126,7 +126,8 @@ fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
     if let Some(name) = remembered.names().find(is_given) {
         return Err(usage(format!("--param and --remembered both have {name}; expected one of them")));
     }
-    stacks::plan_with(stack, args.course.as_deref(), &overrides, &remembered)
+    let course = stacks::course_on(stack, args.course.as_deref(), log)?;
+    stacks::plan_with(stack, course.as_deref(), &overrides, &remembered)
 }
 
 /// Parameters of the command line, as `(process.field, value)`.

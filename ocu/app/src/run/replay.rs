@@ -27,7 +27,7 @@ pub(super) fn run(
         tracing::warn!("{problem}");
     }
     let asked = match &args.stack {
-        Some(_) => plan(args)?,
+        Some(_) => plan(args, None)?,
         None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,
     };
     check_assets(args, files)?;

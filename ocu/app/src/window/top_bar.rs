@@ -32,7 +32,7 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
         bar.left("opening", Fit::Leaves(100), move |ui, form, _| opening(ui, form, title));
     }
     let Some(frame) = state.frame else { return };
-    if frame.info.kind == SourceKind::Stack {
+    if frame.info.kind == SourceKind::Stack && state.current.stack.is_some() {
         bar.left("course", Fit::Leaves(70), |ui, form, actions| {
             course_menu(ui, form, frame, state.current, actions);
         });

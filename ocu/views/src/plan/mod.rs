@@ -78,6 +78,11 @@ impl View for Plan {
         let arcs = chosen(self.saved.arcs.as_ref(), cx.frame, &choices)
             .and_then(|topic| Some((topic, topic.get::<ArcChoice>()?)));
         if plan.is_none() && arcs.is_none() {
+            let is_planned = |topic: &&Topic| matches!(topic.type_name(), "rcs.Plan" | "rcs.ArcChoice");
+            if cx.frame.topics.iter().any(|topic| is_planned(&topic)) {
+                let hint = "Play or step on to the first plan.";
+                return widgets::empty(ui, icons::ICON_ALT_ROUTE, "Nothing was planned yet", hint);
+            }
             let hint = "A planner's plan (rcs.Plan) or a follower's choice of arcs (rcs.ArcChoice) would fill \
                         it: run the stack lagr_stereo_only, or open a recording of it.";
             return widgets::empty(ui, icons::ICON_ALT_ROUTE, "Nothing was planned", hint);
