@@ -30,6 +30,18 @@ fn a_click_on_a_buffer_shows_its_fields_even_if_no_view_lists_any() {
     }
 }
 
+/// Goes to the start and drives by hand from there, which begins a second run. So far back, the key is held before the past
+/// has been played to its end, on a busy machine, too. A key that is pressed while time stands must be let go first.
+fn drive_from_the_start(harness: &mut egui_kittest::Harness<'_, common::window::State>) {
+    harness.key_press(Key::Home);
+    wait_until(harness, "the start", |frame| frame.time_s() < 0.1);
+    harness.key_press(Key::Space);
+    wait_until(harness, "time to run", |frame| frame.playback.playing);
+    harness.key_down(Key::W);
+    wait_until(harness, "another run", |frame| frame.runs.all.len() == 2);
+    harness.key_up(Key::W);
+}
+
 #[test]
 fn a_branch_is_announced_and_leaving_it_is_asked() {
     let dir = tempfile::tempdir().unwrap();
@@ -50,15 +62,7 @@ fn a_branch_is_announced_and_leaving_it_is_asked() {
     wait_until(&mut harness, "an event before", |frame| frame.now < from);
     harness.run_steps(2);
     assert!(harness.query_by_label("PAST").is_some());
-    // So far back that the key is held before the past has been played to its end, on a busy machine, too. A key that is
-    // pressed while time stands must be let go first.
-    harness.key_press(Key::Home);
-    wait_until(&mut harness, "the start", |frame| frame.time_s() < 0.1);
-    harness.key_press(Key::Space);
-    wait_until(&mut harness, "time to run", |frame| frame.playback.playing);
-    harness.key_down(Key::W);
-    wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
-    harness.key_up(Key::W);
+    drive_from_the_start(&mut harness);
     harness.run_steps(3);
     assert!(harness.query_by_label_contains(" begins at 00:00:0").is_some());
 
@@ -98,13 +102,7 @@ fn the_word_past_leads_to_the_newest_time_of_the_run_that_is_shown() {
             return;
         }
         // A shorter run that branches from this one.
-        harness.key_press(Key::Home);
-        wait_until(&mut harness, "the start", |frame| frame.time_s() < 0.1);
-        harness.key_press(Key::Space);
-        wait_until(&mut harness, "time to run", |frame| frame.playback.playing);
-        harness.key_down(Key::W);
-        wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
-        harness.key_up(Key::W);
+        drive_from_the_start(&mut harness);
         wait_until(&mut harness, "some of it", |frame| frame.time_s() > 1.0);
     }
 }

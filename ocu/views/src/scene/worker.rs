@@ -90,7 +90,6 @@ impl Worker {
         let is_closed = Arc::new(AtomicBool::new(false));
         let ends = Arc::clone(&is_closed);
         let thread = std::thread::Builder::new().name("scene".to_owned()).spawn(move || {
-            let sender = sender;
             let mut gpu = None;
             let mut prepared = Prepared::default();
             while let Ok(mut request) = receiver.recv() {
