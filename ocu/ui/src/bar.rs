@@ -57,6 +57,9 @@ type Widths = BTreeMap<(&'static str, Form), f32>;
 
 /// Width of the button of the menu.
 const MORE: f32 = 24.0;
+/// An item that is narrower than before by at most this keeps its width, points: some lists are narrower by their padding
+/// where they have more room, and the bar would change in each pass.
+const HARDLY: f32 = 8.0;
 
 impl<'a, C> Bar<'a, C> {
     /// An empty bar; `name` is unique within its parent.
@@ -129,7 +132,9 @@ impl<'a, C> Bar<'a, C> {
             child.style_mut().wrap_mode = Some(wrap);
             (item.paint)(&mut child, form, cx);
             let painted = child.min_rect().width().ceil();
-            if !stretches {
+            let before = known.get(&(item.name, form)).copied();
+            let hardly_differs = before.is_some_and(|before| (0.0..=HARDLY).contains(&(before - painted)));
+            if !stretches && !hardly_differs {
                 widths.insert((item.name, form), painted);
             }
             // An item with nothing to say takes no gap.
