@@ -11,6 +11,11 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Display;
 use std::iter::Peekable;
 
+/// Most characters that are shown of a text.
+const SHOWN: usize = 60;
+/// How many of them are the equal ones before the difference.
+const BEFORE: usize = 15;
+
 /// The first message in which two runs differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
@@ -27,7 +32,8 @@ pub struct Difference {
     pub field: String,
     /// Both values, or the cycle whose inputs differ, as text.
     pub detail: String,
-    /// The value in the first run and in the second, as text; empty where a run has none.
+    /// The value in the first run and in the second, as text; empty where a run has none. Of long texts, the part with
+    /// the first difference.
     pub values: [String; 2],
 }
 
@@ -43,6 +49,15 @@ impl Found {
         let values = values.map(ToString::to_string);
         let detail = format!("{} in the first, {} in the second", values[0], values[1]);
         Self { field: field.into(), values, detail }
+    }
+
+    /// Two texts of which at least one is too long to be shown completely: the parts with the first difference.
+    fn of_long_texts(field: impl Into<String>, texts: [&str; 2]) -> Self {
+        let pairs = texts[0].chars().zip(texts[1].chars());
+        let equal = pairs.take_while(|(one, other)| one == other).count();
+        let [one, other] = texts.map(|text| part(text, equal.saturating_sub(BEFORE)));
+        let found = Self::of(field, [&one, &other]);
+        Self { detail: format!("from character {} on, {}", equal + 1, found.detail), ..found }
     }
 
     /// What only one side has.
@@ -261,7 +276,28 @@ fn differing_leaf(path: &FieldPath, a: &Value, b: &Value) -> Option<Found> {
         let (a, b) = item(at)?;
         return Some(Found::of(path.index(at).to_string(), [&show(&a), &show(&b)]));
     }
-    (!same(a, b)).then(|| Found::of(path.to_string(), [&show(a), &show(b)]))
+    if same(a, b) {
+        return None;
+    }
+    if let (Value::Text(one), Value::Text(other)) = (a, b)
+        && (is_long(one) || is_long(other))
+    {
+        return Some(Found::of_long_texts(path.to_string(), [one, other]));
+    }
+    Some(Found::of(path.to_string(), [&show(a), &show(b)]))
+}
+
+fn is_long(text: &str) -> bool {
+    text.chars().count() > SHOWN
+}
+
+/// A text from one of its characters on, in quotes. Dots mark where it is cut.
+fn part(text: &str, from: usize) -> String {
+    let mut rest = text.chars().skip(from);
+    let shown: String = rest.by_ref().take(SHOWN).collect();
+    let before = if from > 0 { "…" } else { "" };
+    let after = if rest.next().is_some() { "…" } else { "" };
+    format!("{before}{shown:?}{after}")
 }
 
 fn same(a: &Value, b: &Value) -> bool {
@@ -281,7 +317,7 @@ fn show(value: &Value) -> String {
         Value::Float(v) => v.to_string(),
         Value::Enum { number, name } if name.is_empty() => number.to_string(),
         Value::Enum { name, .. } => name.clone(),
-        Value::Text(text) if text.chars().count() <= 60 => format!("{text:?}"),
+        Value::Text(text) => part(text, 0),
         other => other.kind().to_owned(),
     }
 }
@@ -334,4 +370,68 @@ pub(crate) fn put_until(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The difference between two texts in the field `text`.
+    fn texts(one: &str, other: &str) -> Found {
+        let [one, other] = [one, other].map(|text| Value::Text(text.to_owned()));
+        differing_leaf(&FieldPath::root().field("text"), &one, &other).unwrap()
+    }
+
+    #[test]
+    fn short_texts_are_shown_completely() {
+        let found = texts("a \"b\"", "");
+        assert_eq!(found.field, ".text");
+        assert_eq!(found.values, [r#""a \"b\"""#, r#""""#]);
+        assert_eq!(found.detail, r#""a \"b\"" in the first, "" in the second"#);
+        let longest = "x".repeat(SHOWN);
+        assert_eq!(texts(&longest, "y").values, [format!("\"{longest}\""), "\"y\"".to_owned()]);
+    }
+
+    #[test]
+    fn of_long_texts_the_part_with_the_first_difference_is_shown() {
+        let text = |word: &str| format!("{}{word}{}", "x".repeat(1234), "y".repeat(100));
+        let found = texts(&text("first"), &text("second"));
+        let [before, after] = ["x".repeat(BEFORE), "y".repeat(40)];
+        assert_eq!(found.field, ".text");
+        assert_eq!(found.values[0], format!("…\"{before}first{after}\"…"));
+        assert_eq!(found.values[1], format!("…\"{before}second{}\"…", &after[1..]));
+        let [one, other] = &found.values;
+        let detail = format!("from character 1235 on, {one} in the first, {other} in the second");
+        assert_eq!(found.detail, detail);
+    }
+
+    #[test]
+    fn the_place_is_counted_in_characters_and_not_in_bytes() {
+        let before = "ä".repeat(70);
+        let found = texts(&format!("{before}ö"), &format!("{before}ü€"));
+        let shown = "ä".repeat(BEFORE);
+        assert_eq!(found.values, [format!("…\"{shown}ö\""), format!("…\"{shown}ü€\"")]);
+        assert!(found.detail.starts_with("from character 71 on, "), "{}", found.detail);
+    }
+
+    #[test]
+    fn a_text_that_another_begins_with_ends_where_they_differ() {
+        let text = "z".repeat(80);
+        let found = texts(&text, &format!("{text}more"));
+        let shown = "z".repeat(BEFORE);
+        assert_eq!(found.values, [format!("…\"{shown}\""), format!("…\"{shown}more\"")]);
+        assert!(found.detail.starts_with("from character 81 on, "), "{}", found.detail);
+    }
+
+    #[test]
+    fn a_short_and_a_long_text_are_cut_at_the_same_place() {
+        let long = "b".repeat(SHOWN + 1);
+        let whole = format!("\"{}\"…", "b".repeat(SHOWN));
+        assert_eq!(texts("ab", &long).values, ["\"ab\"".to_owned(), whole.clone()]);
+        assert_eq!(texts(&long, "").values, [whole, "\"\"".to_owned()]);
+        let found = texts(&"b".repeat(20), &long);
+        assert_eq!(found.values[0], format!("…\"{}\"", "b".repeat(BEFORE)));
+        assert_eq!(found.values[1], format!("…\"{}\"", "b".repeat(BEFORE + SHOWN - 19)));
+        assert!(found.detail.starts_with("from character 21 on, "), "{}", found.detail);
+    }
 }

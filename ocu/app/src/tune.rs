@@ -3,11 +3,13 @@
 use crate::cli::{Param, TuneArgs};
 use crate::eval::told;
 use crate::output::Files;
-use crate::{Ended, output, stack_edit, stacks};
+use crate::{Ended, despite_closed_output, output, stack_edit, stacks};
+use anyhow::bail;
 use rcs_eval::tune;
 use std::io::Write;
 
-/// Executes `ocu tune`.
+/// Executes `ocu tune`. It fails where a file was asked for and no weights were kept: a script that goes on with the file
+/// would fail later, or use an older one.
 pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut files = Files::new(args.force);
     files.reads_log("the recording", &args.log);
@@ -31,16 +33,26 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         let text = stack_edit::with_params(&file, &text, course, &tuned.report.process, &tuned.params)?;
         output::write(path, text.as_bytes(), args.force)?;
     }
-    if args.json {
-        serde_json::to_writer_pretty(&mut *out, &tuned.report)?;
-        writeln!(out)?;
-        return Ok(Ended::after(Some(&log)));
-    }
-    write!(out, "{}", tuned.report)?;
+    despite_closed_output(print(args, &tuned.report, out))?;
+    let ended = Ended::after(Some(&log));
     match &args.output {
-        Some(path) if kept => writeln!(out, "written to {}", path.display())?,
-        Some(_) => writeln!(out, "nothing is written")?,
-        None => {}
+        Some(path) if !kept => {
+            bail!("no file was written ({}): {}", tuned.report.verdict(), path.display())
+        }
+        _ => Ok(ended),
     }
-    Ok(Ended::after(Some(&log)))
+}
+
+/// Prints what was learned.
+fn print(args: &TuneArgs, report: &tune::Report, out: &mut dyn Write) -> anyhow::Result<()> {
+    if args.json {
+        serde_json::to_writer_pretty(&mut *out, report)?;
+        writeln!(out)?;
+        return Ok(());
+    }
+    write!(out, "{report}")?;
+    if let Some(path) = args.output.as_ref().filter(|_| report.kept) {
+        writeln!(out, "written to {}", path.display())?;
+    }
+    Ok(())
 }

@@ -8,7 +8,8 @@ use common::window::{
     PATIENCE, STACK, State, drop_file, frame, harness, open, sample, stack, type_number, wait_for,
 };
 use egui::{Key, Modifiers};
-use egui_kittest::{Harness, kittest::Queryable};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT, Queryable};
 use ocu_app::bundled;
 use ocu_app::layout::{Layout, Node};
 use ocu_app::open::Request;
@@ -177,6 +178,41 @@ fn keys_do_not_play_while_a_path_is_typed() {
     harness.key_press(Key::End);
     harness.run();
     assert_eq!(time_s(&harness), start);
+}
+
+#[test]
+fn a_unit_of_steps_is_searched_for_and_keys_do_nothing_else_meanwhile() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.run_steps(3);
+    let start = time_s(&harness);
+    harness.get_by_label("What a step is").click();
+    harness.run_steps(4);
+    assert!(harness.get_by_label("Search steps").accesskit_node().is_focused());
+    harness.get_by_label("Search steps").type_text("GPS");
+    harness.run_steps(2);
+    assert!(harness.query_by_label("any message").is_none(), "only what was found is listed");
+    for key in [Key::ArrowRight, Key::Space] {
+        harness.key_press(key);
+        harness.run_steps(3);
+    }
+    let now = frame(&harness).unwrap();
+    assert!(time_s(&harness) == start && !now.playback.playing);
+
+    harness.key_press(Key::Enter);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Search steps").is_none(), "a choice closes the list");
+    harness.key_press(Key::ArrowRight);
+    wait_for(&mut harness, "a step to the next position", |harness| {
+        let frame = frame(harness).unwrap();
+        let newest = frame.topic("/vehicle/gps").and_then(|topic| topic.latest.as_ref());
+        time_s(harness) > start && newest.is_some_and(|sample| sample.header.log_time == frame.now)
+    });
+
+    harness.get_by_label("What a step is").click();
+    harness.run_steps(4);
+    let field = harness.get_by_label("Search steps");
+    assert_eq!(field.accesskit_node().value().unwrap_or_default(), "", "it was cleared");
 }
 
 #[test]

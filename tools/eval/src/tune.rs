@@ -227,6 +227,21 @@ fn report(
     Ok(Tuned { report, params })
 }
 
+impl Report {
+    /// Whether the weights that were fitted are kept, and why.
+    pub fn verdict(&self) -> String {
+        let is_changed = self.weights.iter().any(|weight| weight.before != weight.after);
+        match (&self.unchecked, self.kept) {
+            _ if !is_changed => "no weight was changed: none judges better".to_owned(),
+            (Some(why), _) => format!("not kept: the half that they were not fitted to has {why}"),
+            (None, true) => "kept: they do better on the half that they were not fitted to".to_owned(),
+            (None, false) => {
+                "not kept: on the half that they were not fitted to they do no better".to_owned()
+            }
+        }
+    }
+}
+
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} after {} maps:\n", self.process, self.maps)?;
@@ -253,14 +268,6 @@ impl fmt::Display for Report {
             let name = format!("{half}: squared error");
             writeln!(f, "{name:<28} {:>16.4} {:>16.4}", compared.before.loss, compared.after.loss)?;
         }
-        let is_changed = self.weights.iter().any(|weight| weight.before != weight.after);
-        match (&self.unchecked, self.kept) {
-            _ if !is_changed => writeln!(f, "\nno weight was changed: none judges better"),
-            (Some(why), _) => writeln!(f, "\nnot kept: the half that they were not fitted to has {why}"),
-            (None, true) => writeln!(f, "\nkept: they do better on the half that they were not fitted to"),
-            (None, false) => {
-                writeln!(f, "\nnot kept: on the half that they were not fitted to they do no better")
-            }
-        }
+        writeln!(f, "\n{}", self.verdict())
     }
 }

@@ -35,7 +35,7 @@ pub struct TuneArgs {
     /// Run the stack on the recording even if that has maps
     #[arg(long)]
     pub run: bool,
-    /// File to which the stack with the new weights is written, if they are kept
+    /// File to which the stack with the new weights is written; an error if they are not kept
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Replace an existing file

@@ -266,7 +266,10 @@ mod tests {
         assert_eq!((state.rows[3].seed, state.rows[3].outcome.as_str()), (1, "unfinished"));
         let log = state.rows[3].recording.clone();
         let mut opened = crate::stacks::open(&Request { log, ..Request::default() }).unwrap();
-        assert!(opened.frame().topics.iter().any(|topic| topic.name.starts_with("/truth_driver")));
+        let frame = opened.frame();
+        assert!(frame.topics.iter().any(|topic| topic.name.starts_with("/truth_driver")));
+        let told = frame.topics_of_type("rcs.RunInfo").find_map(|topic| topic.get::<rcs_msg::rcs::RunInfo>());
+        assert_eq!(told.map(|run| (run.stack.as_str(), run.seed)), Some(("truth_driver", 1)));
     }
 
     #[test]

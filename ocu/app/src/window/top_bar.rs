@@ -4,7 +4,7 @@ use super::commands::Command;
 use super::held;
 use super::operate::StopState;
 use super::recording;
-use super::top_menus::{course_menu, layout_menu, open_menu, runs_menu, stack_menu};
+use super::top_menus::{course_label, course_menu, layout_menu, open_menu, runs_menu, stack_menu};
 use super::top_state::{Actions, State, TopBarAction};
 use super::top_tags::{alarms, authority, kind, opening, past, problems, run_state};
 use super::tree::view_menu;
@@ -32,7 +32,10 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
         bar.left("opening", Fit::Leaves(100), move |ui, form, _| opening(ui, form, title));
     }
     let Some(frame) = state.frame else { return };
-    if frame.info.kind == SourceKind::Stack && state.current.stack.is_some() {
+    let is_stack = frame.info.kind == SourceKind::Stack;
+    if is_stack && state.current.stack.is_none() {
+        bar.left("course", Fit::Leaves(70), |ui, form, _| course_label(ui, form, frame, state.current));
+    } else if is_stack {
         bar.left("course", Fit::Leaves(70), |ui, form, actions| {
             course_menu(ui, form, frame, state.current, actions);
         });

@@ -3,13 +3,17 @@
 use super::commands::{Command, entry_of};
 use super::open::recent_button;
 use super::top_state::{Actions, State, TopBarAction};
+use crate::assets::looks_like_path;
 use crate::bundled;
 use crate::layout::Layout;
 use crate::open::Request;
 use crate::stacks;
+use egui::{Role, WidgetInfo};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::icons;
+use rcs_msg::rcs::{CourseRun, RunInfo};
 use rcs_runtime::source::Frame;
+use std::borrow::Cow;
 
 /// Menu of what can be opened.
 pub(super) fn open_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actions: &mut Actions) {
@@ -65,13 +69,14 @@ pub(super) fn runs_menu(ui: &mut egui::Ui, form: Form, frame: &Frame, actions: &
 /// Menu of the stacks that can run on the recording, or, without one, of those that need none.
 pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actions: &mut Actions) {
     let (frame, current) = (state.frame, state.current);
-    let name = current.stack.as_deref().unwrap_or("no stack");
+    let running = stack_of(current, frame);
+    let name = running.unwrap_or("no stack");
     let name = std::path::Path::new(name).file_name().map_or(name.into(), |name| name.to_string_lossy());
     let button = bar::menu(ui, form, icons::ICON_ACCOUNT_TREE, &name, |ui| {
         ui.set_min_width(200.0);
         let mut choice =
             |ui: &mut egui::Ui, stack: Option<&str>, text: &str, missing: Option<&str>, help: &str| {
-                let label = egui::Button::selectable(current.stack.as_deref() == stack, text);
+                let label = egui::Button::selectable(running == stack, text);
                 let response = ui.add_enabled(missing.is_none(), label).on_hover_text(help);
                 let response = match missing {
                     Some(topic) => {
@@ -112,11 +117,9 @@ pub(super) fn course_menu(
     current: &Request,
     actions: &mut Actions,
 ) {
-    let run = frame.topics_of_type("rcs.CourseRun").find_map(|topic| topic.get::<rcs_msg::rcs::CourseRun>());
-    let running = current.course.as_deref().or(run.map(|run| run.course.as_str())).unwrap_or("course");
-    let name =
-        std::path::Path::new(running).file_stem().map_or(running.into(), |name| name.to_string_lossy());
-    let text = format!("{name}, seed {}", current.seed);
+    let running = course_of(current, frame).unwrap_or("course");
+    let of_run = seed_of(current, frame);
+    let text = format!("{}, seed {of_run}", stem(running));
     let response = bar::menu(ui, form, icons::ICON_FLAG, &text, |ui| {
         ui.set_min_width(200.0);
         for course in bundled::names("course") {
@@ -128,7 +131,7 @@ pub(super) fn course_menu(
         }
         ui.separator();
         let id = ui.scope_id().with("seed");
-        let mut seed = ui.data(|data| data.get_temp(id)).unwrap_or(current.seed);
+        let mut seed = ui.data(|data| data.get_temp(id)).unwrap_or(of_run);
         ui.horizontal(|ui| {
             let label = ui.label("Seed");
             ui.add(egui::DragValue::new(&mut seed).speed(0.1)).labelled_by(label.id);
@@ -149,6 +152,51 @@ pub(super) fn course_menu(
     });
     response
         .on_hover_text("The course, and the seed of all that is random: the same seed gives the same run");
+}
+
+/// Course and seed of a recorded run that is computed again. It has them from its recording, so there is no choice.
+pub(super) fn course_label(ui: &mut egui::Ui, form: Form, frame: &Frame, current: &Request) {
+    let seed = format!("seed {}", seed_of(current, frame));
+    let text = match course_of(current, frame) {
+        Some(course) => format!("{}, {seed}", stem(course)),
+        None => seed,
+    };
+    let icon = icons::ICON_FLAG.codepoint;
+    let response = ui.label(if form == Form::Short { icon.to_owned() } else { format!("{icon}  {text}") });
+    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, &text));
+    response
+        .on_hover_text(format!("{text}: the recorded run is computed again with its course and its seed"));
+}
+
+/// The stack of the viewed run: the one that was asked for, else that of a recorded run which is computed again. `None`
+/// for a recording.
+fn stack_of<'a>(current: &'a Request, frame: Option<&'a Frame>) -> Option<&'a str> {
+    current.stack.as_deref().or_else(|| Some(identity(frame?)?.stack.as_str()))
+}
+
+/// The course of the viewed run, as the run itself says, because another one can be set as a parameter; until it says
+/// so, the one that was asked for. A course from a file is called by its file: copies of a course all have the name that
+/// is written in them.
+fn course_of<'a>(current: &'a Request, frame: &'a Frame) -> Option<&'a str> {
+    let asked = current.course.as_deref();
+    let run = frame.topics_of_type("rcs.CourseRun").find_map(|topic| topic.get::<CourseRun>());
+    let told = run.map(|run| run.course.as_str()).filter(|course| !course.is_empty());
+    asked.filter(|course| looks_like_path(course)).or(told).or(asked)
+}
+
+/// The seed of the viewed run.
+fn seed_of(current: &Request, frame: &Frame) -> u64 {
+    identity(frame).map_or(current.seed, |run| run.seed)
+}
+
+/// What the viewed run says about itself; `None` for a recording. What it reads can be the recording of another run.
+fn identity(frame: &Frame) -> Option<&RunInfo> {
+    frame.topics_of_type("rcs.RunInfo").find(|topic| !topic.run.is_recorded())?.get()
+}
+
+/// The name of a file without its ending.
+fn stem(path: &str) -> Cow<'_, str> {
+    std::path::Path::new(path).file_stem().map_or(path.into(), |name| name.to_string_lossy())
 }
 
 /// Menu of the layouts: those that come with the program, the user's own, and what can be done with them.
@@ -200,4 +248,39 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
         });
         ui.data_mut(|data| data.insert_temp(id, name));
     });
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use rcs_runtime::source::Task;
+    use std::sync::Arc;
+
+    #[test]
+    fn stack_course_and_seed_are_those_of_the_viewed_run() {
+        let (stack, course) = (Some("truth_driver".to_owned()), Some("meadow".to_owned()));
+        let request = Request { stack, course, seed: 7, ..Request::default() };
+        let mut source = stacks::open(&request).unwrap();
+        let second = source.info().start.after_ns(1_000_000_000);
+        source.seek(second, &Task::default()).unwrap();
+        let frame = source.frame();
+
+        // The request for a run of a sweep names nothing but its recording.
+        let swept = Request { log: Some("run.mcap".into()), ..Request::default() };
+        assert_eq!(stack_of(&swept, Some(&frame)), Some("truth_driver"));
+        assert_eq!(course_of(&swept, &frame), Some("meadow"));
+        assert_eq!(seed_of(&swept, &frame), 7);
+        let asked = |course: &str| Request { course: Some(course.to_owned()), ..request.clone() };
+        assert_eq!(course_of(&asked("hill"), &frame), Some("meadow"), "the run knows better");
+        let mine = asked("/tmp/mine.toml");
+        let name = course_of(&mine, &frame).map(stem);
+        assert_eq!(name.as_deref(), Some("mine"), "a copy has the old name in it");
+
+        // Before the run has said anything, the request counts.
+        let empty = Frame::empty(Arc::clone(&frame.info), frame.now);
+        assert_eq!(stack_of(&request, Some(&empty)), Some("truth_driver"));
+        assert_eq!((course_of(&request, &empty), seed_of(&request, &empty)), (Some("meadow"), 7));
+        assert_eq!((stack_of(&swept, Some(&empty)), course_of(&swept, &empty)), (None, None));
+    }
 }

@@ -2,13 +2,17 @@
 
 use super::bookmarks::Bookmarks;
 use crate::time::date_and_time;
-use egui::{Role, WidgetInfo};
+use egui::{Key, PopupCloseBehavior, Role, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_runtime::source::{Control, Frame, Step};
 
 /// Selectable playback speeds.
 const SPEEDS: [f64; 10] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, f64::INFINITY];
+/// Least width of the list of step units, and most height of what scrolls in it, points.
+const UNITS_WIDTH: f32 = 220.0;
+const UNITS_HEIGHT: f32 = 320.0;
+
 /// Unit of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Unit {
@@ -165,38 +169,99 @@ fn speed(ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
     }
 }
 
+/// The unit of a step, with the list of all units.
 fn unit_menu(ui: &mut egui::Ui, form: Form, frame: &Frame, unit: &mut Unit) {
+    // What is searched for is kept while the list is open.
+    let id = egui::Id::unique("search of steps");
+    let kept: Option<String> = ui.data(|data| data.get_temp(id));
+    let is_fresh = kept.is_none();
+    let mut search = kept.unwrap_or_default();
     let shown = unit.text();
     let width = if form == Form::Short { 64.0 } else { 128.0 };
-    let combo = egui::ComboBox::from_id_salt("step unit").selected_text(shown).width(width).truncate();
-    let combo = combo.show_ui(ui, |ui| {
-        let mut choice = |ui: &mut egui::Ui, other: Unit| {
-            let text = other.text();
-            ui.selectable_value(unit, other, text);
-        };
-        choice(ui, Unit::Message(None));
-        if !frame.processes.is_empty() {
-            choice(ui, Unit::Cycle(None));
-            for process in frame.processes.iter() {
-                choice(ui, Unit::Cycle(Some(process.name.clone())));
-            }
+    let combo = egui::ComboBox::from_id_salt("step unit")
+        .selected_text(shown)
+        .width(width)
+        .truncate()
+        // So high that only the list below the field scrolls.
+        .height(UNITS_HEIGHT + 80.0)
+        .close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+    let combo = combo.show_ui(ui, |ui| unit_list(ui, frame, unit, &mut search, is_fresh));
+    ui.data_mut(|data| match combo.inner {
+        Some(false) => {
+            data.insert_temp(id, search);
         }
-        for ms in [100, 1000, 10_000] {
-            choice(ui, Unit::Time(ms));
-        }
-        ui.separator();
-        ui.label(egui::RichText::new("A message of").small().color(tokens(ui).weak));
-        let mut last = "";
-        // A topic that is both recorded and computed is listed once.
-        for topic in frame.topics.iter().filter(|topic| topic.messages > 0) {
-            if *topic.name != *last {
-                choice(ui, Unit::Message(Some(topic.name.to_string())));
-            }
-            last = &topic.name;
-        }
+        Some(true) | None => data.remove::<String>(id),
     });
     combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "What a step is"));
     combo.response.on_hover_text("What a step is (arrow keys; with shift, a cycle)");
+}
+
+/// The list of all units, and a field above it that leaves those with the typed words. Returns whether one was chosen,
+/// which closes the list. `is_fresh` says that the list was opened in this pass.
+fn unit_list(ui: &mut egui::Ui, frame: &Frame, unit: &mut Unit, search: &mut String, is_fresh: bool) -> bool {
+    ui.set_min_width(UNITS_WIDTH);
+    let field = widgets::search(ui, search, "Search steps");
+    let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+    let wanted = search.trim().to_lowercase();
+    let [general, topics] =
+        units(frame).map(|units| units.into_iter().filter(|unit| fits(unit, &wanted)).collect::<Vec<_>>());
+    let is_searched = !wanted.is_empty();
+    // Enter chooses the first one that was found.
+    let mut chosen = general.iter().chain(&topics).next().filter(|_| entered && is_searched).cloned();
+    // While something is searched for, the list keeps its height, so that the field stays where it is.
+    let list = egui::ScrollArea::vertical().max_height(UNITS_HEIGHT).auto_shrink([true, !is_searched]);
+    list.show(ui, |ui| {
+        let mut choice = |ui: &mut egui::Ui, other: &Unit| {
+            if ui.selectable_label(*unit == *other, other.text()).clicked() {
+                chosen = Some(other.clone());
+            }
+        };
+        for other in &general {
+            choice(ui, other);
+        }
+        if !topics.is_empty() {
+            if !general.is_empty() {
+                ui.separator();
+            }
+            ui.label(egui::RichText::new("A message of").small().color(tokens(ui).weak));
+        }
+        for other in &topics {
+            choice(ui, other);
+        }
+        if general.is_empty() && topics.is_empty() {
+            ui.label(egui::RichText::new("Nothing has this name.").color(tokens(ui).weak));
+        }
+    });
+    if let Some(chosen) = chosen {
+        *unit = chosen;
+        ui.close();
+        return true;
+    }
+    if is_fresh || entered {
+        field.request_focus();
+    }
+    false
+}
+
+/// All units: those of any source with the cycles of its processes, and the messages of its topics.
+fn units(frame: &Frame) -> [Vec<Unit>; 2] {
+    let mut general = vec![Unit::Message(None)];
+    if !frame.processes.is_empty() {
+        general.push(Unit::Cycle(None));
+        general.extend(frame.processes.iter().map(|process| Unit::Cycle(Some(process.name.clone()))));
+    }
+    general.extend([100, 1000, 10_000].map(Unit::Time));
+    let topics = frame.topics.iter().filter(|topic| topic.messages > 0);
+    let mut names: Vec<&str> = topics.map(|topic| &*topic.name).collect();
+    // A topic that is both recorded and computed is listed once.
+    names.dedup();
+    [general, names.into_iter().map(|name| Unit::Message(Some(name.to_owned()))).collect()]
+}
+
+/// Whether the text of a unit has all of these lower-case words.
+fn fits(unit: &Unit, words: &str) -> bool {
+    let text = unit.text().to_lowercase();
+    words.split_whitespace().all(|word| text.contains(word))
 }
 
 /// State of playback: its measured speed, and how far it lags behind the clock.
@@ -221,5 +286,21 @@ fn state<'a>(bar: &mut Bar<'a, Acts<'_>>, frame: &'a Frame) {
             ui.label(widgets::mono(format!("{achieved:6.2}{unit}")).color(color(ui)))
                 .on_hover_text("Seconds of the source a second, over the last half second");
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_is_found_by_words_of_its_text_in_any_order() {
+        let cycle = Unit::Cycle(Some("WM1".to_owned()));
+        for words in ["", "wm1", "cycle", "wm1 cycle", "  wm  of "] {
+            assert!(fits(&cycle, words), "{words:?}");
+        }
+        assert!(!fits(&cycle, "wm1 message") && !fits(&cycle, "wm2"));
+        assert!(fits(&Unit::Message(Some("/vehicle/gps".to_owned())), "gps"));
+        assert!(fits(&Unit::Time(100), "100 ms") && !fits(&Unit::Time(10_000), "ms"));
     }
 }

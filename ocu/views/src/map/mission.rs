@@ -1,182 +1,44 @@
-//! Missions on a map: what a vehicle obeys, and a draft of the operator: goals, and zones that it must not enter.
+//! Missions on a map: what a vehicle obeys, and the draft of the operator, which is drawn with the pointer.
 
+use super::draft::{Adds, Draft, GOAL_RADIUS, Handle, place};
 use super::labels::Labels;
 use super::layers::Kind;
 use super::plan::At;
 use super::{Map, layers};
+use crate::canvas::Viewport;
 use crate::clip;
 use crate::operator::Inputs;
 use crate::view::ViewContext;
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Response, RichText, Shape, Stroke, Ui, Vec2};
-use ocu_ui::{Tokens, icons, legend, tokens};
-use rcs_geom::{DVec3, Pose};
+use egui::{
+    Align2, Color32, CursorIcon, FontId, Painter, PointerButton, Pos2, Rect, Response, RichText, Shape,
+    Stroke, Ui, Vec2,
+};
+use ocu_ui::{Icon, Tokens, icons, legend, tokens};
+use rcs_geom::Pose;
 use rcs_msg::AnyMessage;
-use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
+use rcs_msg::rcs::{Mission, PlanePolygon};
 use rcs_runtime::source::{Control, Frame};
 
-/// Distance from the first corner at which a click closes a zone, screen points.
-const NEAR: f32 = 10.0;
 /// Distance between the lines of a hatching, screen points.
 const HATCH: f32 = 9.0;
-/// Distance within which two goals are the same one, m.
-const SAME_GOAL_M: f64 = 0.01;
+/// How goals are drawn, and how zones are.
+const GOALS_HELP: &str = "Each click adds a goal; drag one to move it, right-click it to delete it";
+const ZONES_HELP: &str = "Each click adds a corner, and a click on the first one closes the zone; \
+    drag a corner to move it, right-click a zone to delete it";
+/// Radius of the disc of a corner, screen points.
+const CORNER_RADIUS: f32 = 3.0;
 
-/// What a click on the map adds to the draft.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) enum Adds {
-    /// A goal.
-    #[default]
-    Goal,
-    /// A corner of a zone.
-    Zone,
-}
-
-/// A mission that has not been sent, in the frame of the map.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Draft {
-    pub(super) adds: Adds,
-    goals: Vec<[f64; 2]>,
-    /// The goals with which the draft began, or which were sent last: the vehicle keeps its goals while these are the
-    /// same.
-    begun: Vec<[f64; 2]>,
-    /// The mission to which those goals belong; `None` while the vehicle states none.
-    stated: Option<Stated>,
-    /// Whether the goals replace those of the vehicle even if they are the same.
-    states_goals: bool,
-    keep_out: Vec<Vec<[f64; 2]>>,
-    /// Corners of the zone that is being drawn.
-    corners: Vec<[f64; 2]>,
-    /// Whether anything was changed since the draft began or was sent.
-    changed: bool,
-}
-
-/// The goals of a mission in its own frame, and how many of them have been reached.
-#[derive(Clone, Debug)]
-struct Stated {
-    frame_id: String,
-    goals: Vec<[f64; 2]>,
-    reached: usize,
-}
-
-impl Stated {
-    fn of(mission: &Mission) -> Self {
-        let goals = mission.goals.iter().map(|goal| [goal.x_m, goal.y_m]).collect();
-        Self { frame_id: mission.frame_id.clone(), goals, reached: mission.reached as usize }
-    }
-
-    /// Whether a mission has the same goals.
-    fn is_of(&self, mission: &Mission) -> bool {
-        let is_same = |(a, b): (&[f64; 2], &PlanePoint)| (a[0] - b.x_m).hypot(a[1] - b.y_m) <= SAME_GOAL_M;
-        self.frame_id == mission.frame_id
-            && self.goals.len() == mission.goals.len()
-            && self.goals.iter().zip(&mission.goals).all(is_same)
-    }
-}
-
-/// Adds a corner to a polygon that is being drawn. Returns the polygon if the corner closes it: if it is the first one
-/// again, within a distance.
-pub(super) fn corner(corners: &mut Vec<[f64; 2]>, at: [f64; 2], reach_m: f64) -> Option<Vec<[f64; 2]>> {
-    let closes = corners.first().is_some_and(|first| (first[0] - at[0]).hypot(first[1] - at[1]) <= reach_m);
-    if !closes {
-        corners.push(at);
-    }
-    (closes && corners.len() >= 3).then(|| std::mem::take(corners))
-}
-
-impl Draft {
-    /// The draft that begins with the goals that the vehicle has not reached, and the zones that the operator has sent.
-    /// Zones that cannot be placed on the map must not be lost: the error says why.
-    fn of(frame: &Frame, map: &str, buffer: &str) -> Result<Self, String> {
-        let mut draft = Self { keep_out: sent_zones(frame, map, buffer)?, ..Self::default() };
-        if let Some((mission, map_from_mission)) = obeyed(frame, map) {
-            let left = mission.goals.iter().skip(mission.reached as usize);
-            draft.goals = left.map(place(map_from_mission)).collect();
-            draft.begun.clone_from(&draft.goals);
-            draft.stated = Some(Stated::of(mission));
-        }
-        Ok(draft)
-    }
-
-    /// Leaves out the goals that the vehicle has reached since the draft began or was sent. `mission` is the one that the
-    /// vehicle obeys.
-    fn follow(&mut self, mission: &Mission) {
-        let Some(stated) = self.stated.as_mut().filter(|stated| stated.is_of(mission)) else { return };
-        let more = (mission.reached as usize).saturating_sub(stated.reached);
-        stated.reached += more;
-        let count = more.min(self.begun.len());
-        let reached: Vec<_> = self.begun.drain(..count).collect();
-        let same = self.goals.iter().zip(&reached).take_while(|(goal, reached)| goal == reached).count();
-        self.goals.drain(..same);
-    }
-
-    /// The draft was sent as this mission.
-    fn sent(&mut self, mission: &Mission) {
-        self.changed = false;
-        if !mission.keeps_goals {
-            self.begun.clone_from(&self.goals);
-            self.stated = Some(Stated::of(mission));
-        }
-    }
-
-    /// Whether the vehicle keeps the goals that it has: the draft does not change them.
-    fn keeps_goals(&self) -> bool {
-        !self.states_goals && self.goals == self.begun
-    }
-
-    fn click(&mut self, at: [f64; 2], reach_m: f64) {
-        self.changed = true;
-        if self.adds == Adds::Goal {
-            return self.goals.push(at);
-        }
-        self.keep_out.extend(corner(&mut self.corners, at, reach_m));
-    }
-
-    /// Takes the last thing back; whether there was one.
-    fn undo(&mut self) -> bool {
-        let zones = self.adds == Adds::Zone;
-        let a_goal = !zones && self.corners.is_empty() && self.goals.pop().is_some();
-        let done = a_goal || self.corners.pop().is_some() || (zones && self.keep_out.pop().is_some());
-        self.changed |= done;
-        done
-    }
-
-    /// Deletes all goals and zones.
-    fn clear(&mut self) {
-        self.goals.clear();
-        self.keep_out.clear();
-        self.corners.clear();
-        self.changed = true;
-    }
-
-    fn message(&self, frame_id: &str, frame_from_map: &Pose) -> Mission {
-        let point = |at: &[f64; 2]| {
-            let p = *frame_from_map * DVec3::new(at[0], at[1], 0.0);
-            PlanePoint { x_m: p.x, y_m: p.y }
-        };
-        let zone = |corners: &Vec<[f64; 2]>| PlanePolygon { points: corners.iter().map(point).collect() };
-        Mission {
-            timestamp: None,
-            frame_id: frame_id.to_owned(),
-            goals: self.goals.iter().map(point).collect(),
-            area: None,
-            keep_out: self.keep_out.iter().map(zone).collect(),
-            reached: 0,
-            keeps_goals: self.keeps_goals(),
-        }
-    }
-
-    fn summary(&self) -> String {
-        let count = |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
-        format!("{}, {}", count(self.goals.len(), "goal"), count(self.keep_out.len(), "keep-out zone"))
-    }
-}
-
-/// Places a point of a frame on the map.
-fn place(map_from_frame: Pose) -> impl Fn(&PlanePoint) -> [f64; 2] {
-    move |at| {
-        let p = map_from_frame * DVec3::new(at.x_m, at.y_m, 0.0);
-        [p.x, p.y]
-    }
+/// What is chosen in the menu of the map.
+#[derive(Clone, Copy)]
+enum Choice {
+    /// Send the vehicle to the place where the menu was opened.
+    Drive,
+    /// Open a draft.
+    Edit,
+    /// Delete a goal of the draft, by its identity.
+    DeleteGoal(u32),
+    /// Delete a zone of the draft, by its index.
+    DeleteZone(usize),
 }
 
 /// The zones that the operator has sent, on the map; the error says why they cannot be placed.
@@ -187,6 +49,12 @@ fn sent_zones(frame: &Frame, map: &str, buffer: &str) -> Result<Vec<Vec<[f64; 2]
     let map_from_sent = layers::map_from_frame(frame, map, &sent.frame_id, frame.now)?;
     let zone = |zone: &PlanePolygon| zone.points.iter().map(place(map_from_sent)).collect();
     Ok(sent.keep_out.iter().map(zone).collect())
+}
+
+/// The draft that begins with the goals that the vehicle has not reached, and the zones that the operator has sent. Zones
+/// that cannot be placed on the map must not be lost: the error says why.
+fn begin(frame: &Frame, map: &str, buffer: &str) -> Result<Draft, String> {
+    Ok(Draft::new(sent_zones(frame, map, buffer)?, obeyed(frame, map)))
 }
 
 /// Why no mission can be drawn on a map; `None` if one can be drawn.
@@ -210,10 +78,30 @@ impl Map {
     pub(super) fn toggle_draft(&mut self, frame: &Frame, map: &str, buffer: &str) {
         self.draft = match self.draft {
             Some(_) => None,
-            None => Draft::of(frame, map, buffer).ok(),
+            None => begin(frame, map, buffer).ok(),
         };
         self.measuring = false;
         self.example = None;
+    }
+
+    /// Drags a point of the draft with the primary button. Returns whether one is being dragged: meanwhile the pointer
+    /// does not move the map.
+    pub(super) fn drag_draft(&mut self, response: &Response, viewport: Viewport) -> bool {
+        let Some(draft) = &mut self.draft else { return false };
+        let on_map = |pos: Pos2| viewport.to_plane(response.rect, pos);
+        if response.drag_started_by(PointerButton::Primary)
+            && let Some(pressed) = response.ctx.input(|input| input.pointer.press_origin())
+        {
+            draft.grab(on_map(pressed), 1.0 / viewport.scale);
+        }
+        // The pointer may also have moved in the pass in which the button is released.
+        if let Some(pos) = response.interact_pointer_pos() {
+            draft.drag_to(on_map(pos));
+        }
+        if !response.dragged() {
+            draft.release();
+        }
+        draft.dragged().is_some()
     }
 
     /// Clicks of the operator who draws, and the menu of the map.
@@ -235,47 +123,78 @@ impl Map {
             if let Some((mission, _)) = obeyed(cx.frame, map) {
                 draft.follow(mission);
             }
-            if let Some(pos) = response.interact_pointer_pos().filter(|_| response.clicked()) {
-                draft.click(on_map(pos), f64::from(NEAR) / at.viewport.scale);
+            // A click beside the open menu closes the menu and adds nothing.
+            let adds = response.clicked() && !response.context_menu_opened();
+            if let Some(pos) = response.interact_pointer_pos().filter(|_| adds) {
+                draft.click(on_map(pos), 1.0 / at.viewport.scale);
             }
-            let message = draft.message(map, &Pose::IDENTITY);
-            paint(&ui.painter_at(at.canvas), &message, at, tokens(ui), true, labels);
-            paint_corners(&ui.painter_at(at.canvas), &draft.corners, at, tokens(ui));
+            paint_draft(ui, draft, map, response, at, labels);
         }
         if response.secondary_clicked() {
             self.menu_at = response.interact_pointer_pos().map(on_map);
         }
-        let mut drive_to = None;
-        let mut edit = false;
+        let mut choice = None;
         response.context_menu(|ui| {
-            let known = self.draft.clone().map_or_else(|| Draft::of(cx.frame, map, &buffer), Ok);
-            let drive = format!("{}  Drive here", icons::ICON_FLAG.codepoint);
-            let (can, why) = (known.is_ok(), known.as_ref().err().cloned().unwrap_or_default());
-            let button = ui.add_enabled(can, egui::Button::new(drive));
-            let button = button.on_hover_text("Replaces the goals; keep-out zones stay");
-            if button.on_disabled_hover_text(&why).clicked() {
-                drive_to = self.menu_at.zip(known.ok());
-                ui.close();
-            }
-            let text = format!("{}  Edit the mission", icons::ICON_EDIT.codepoint);
-            if self.draft.is_none() {
-                let button = ui.add_enabled(can, egui::Button::new(text));
-                if button.on_disabled_hover_text(&why).clicked() {
-                    edit = true;
-                    ui.close();
-                }
-            }
+            let refused = if self.draft.is_some() { None } else { refusal(cx.frame, map, &buffer) };
+            choice = self.mission_menu(ui, refused.as_deref(), 1.0 / at.viewport.scale);
         });
-        if edit {
-            self.toggle_draft(cx.frame, map, &buffer);
-        }
-        if let Some((goal, known)) = drive_to {
-            self.draft = None;
-            send(cx, map, &buffer, &Draft { goals: vec![goal], states_goals: true, ..known });
+        if let Some(choice) = choice {
+            self.take_choice(cx, map, &buffer, choice);
         }
         if self.draft.is_some() {
             self.mission_plate(ui, cx, map, &buffer, at);
         }
+    }
+
+    /// Does what was chosen in the menu of the map.
+    fn take_choice(&mut self, cx: &mut ViewContext<'_>, map: &str, buffer: &str, choice: Choice) {
+        match (choice, self.menu_at) {
+            (Choice::Drive, Some(goal)) => {
+                let known = self.draft.take().map_or_else(|| begin(cx.frame, map, buffer), Ok);
+                if let Ok(known) = known {
+                    send(cx, map, buffer, &known.with_only_goal(goal));
+                }
+            }
+            (Choice::Drive, None) => {}
+            (Choice::Edit, _) => self.toggle_draft(cx.frame, map, buffer),
+            (Choice::DeleteGoal(id), _) => {
+                if let Some(draft) = &mut self.draft {
+                    draft.delete_goal(id);
+                }
+            }
+            (Choice::DeleteZone(zone), _) => {
+                if let Some(draft) = &mut self.draft {
+                    draft.delete_zone(zone);
+                }
+            }
+        }
+    }
+
+    /// The menu of the map; returns what was chosen. `refused` says why no mission can be drawn.
+    fn mission_menu(&self, ui: &mut Ui, refused: Option<&str>, m_per_point: f64) -> Option<Choice> {
+        let drive = menu_item(ui, icons::ICON_FLAG, "Drive here", refused);
+        let drive = drive.on_hover_text("Replaces the goals; keep-out zones stay");
+        let mut choice = drive.clicked().then_some(Choice::Drive);
+        if self.draft.is_none() && menu_item(ui, icons::ICON_EDIT, "Edit the mission", refused).clicked() {
+            choice = Some(Choice::Edit);
+        }
+        // What is there now: a goal may have been reached since the menu was opened.
+        if let (Some(draft), Some(at)) = (&self.draft, self.menu_at) {
+            if let Some((id, number)) = draft.goal_at(at, m_per_point)
+                && menu_item(ui, icons::ICON_DELETE, &format!("Delete goal {number}"), None).clicked()
+            {
+                choice = Some(Choice::DeleteGoal(id));
+            }
+            if let Some(zone) = draft.zone_at(at, m_per_point)
+                && menu_item(ui, icons::ICON_DELETE, "Delete this keep-out zone", None).clicked()
+            {
+                choice = Some(Choice::DeleteZone(zone));
+            }
+        }
+        if choice.is_some() {
+            ui.close();
+        }
+        choice
     }
 
     /// The panel of the draft.
@@ -288,12 +207,13 @@ impl Map {
         legend::solid_plate(ui, below, Align2::CENTER_TOP, |ui| {
             ui.spacing_mut().item_spacing.y = 4.0;
             ui.horizontal(|ui| {
-                ui.selectable_value(&mut draft.adds, Adds::Goal, "Goals")
-                    .on_hover_text("Each click adds a goal; the vehicle drives to them in this order");
-                ui.selectable_value(&mut draft.adds, Adds::Zone, "Keep-out zones")
-                    .on_hover_text("Each click adds a corner; a click on the first one closes the zone");
+                ui.selectable_value(&mut draft.adds, Adds::Goal, "Goals").on_hover_text(GOALS_HELP);
+                ui.selectable_value(&mut draft.adds, Adds::Zone, "Keep-out zones").on_hover_text(ZONES_HELP);
                 ui.separator();
-                if ui.button(icons::ICON_UNDO.rich_text()).on_hover_text("Take the last click back").clicked()
+                if ui
+                    .button(icons::ICON_UNDO.rich_text())
+                    .on_hover_text("Take the last change back")
+                    .clicked()
                 {
                     draft.undo();
                 }
@@ -305,7 +225,7 @@ impl Map {
                     draft.clear();
                 }
                 ui.separator();
-                let open = !draft.corners.is_empty();
+                let open = !draft.corners().is_empty();
                 let send_it = format!("{}  Send", icons::ICON_SEND.codepoint);
                 let button = ui.add_enabled(draft.changed && !open, egui::Button::new(send_it));
                 if button.on_disabled_hover_text(why_not(draft)).clicked() {
@@ -314,7 +234,7 @@ impl Map {
                 }
                 discard = ui.button("Close").on_hover_text("Without sending").clicked();
             });
-            let (text, color) = match (draft.changed, draft.corners.len()) {
+            let (text, color) = match (draft.changed, draft.corners().len()) {
                 (_, 1..) => ("click on the first corner to close the zone", tokens.warning),
                 (true, 0) => ("not sent", tokens.warning),
                 (false, 0) => ("as sent", tokens.weak),
@@ -327,8 +247,14 @@ impl Map {
     }
 }
 
+/// An entry of the menu of the map; disabled where there is a reason against it.
+fn menu_item(ui: &mut Ui, icon: Icon, text: &str, refused: Option<&str>) -> Response {
+    let button = egui::Button::new(format!("{}  {text}", icon.codepoint));
+    ui.add_enabled(refused.is_none(), button).on_disabled_hover_text(refused.unwrap_or_default())
+}
+
 fn why_not(draft: &Draft) -> &'static str {
-    if draft.corners.is_empty() { "Nothing has changed" } else { "The zone is not closed" }
+    if draft.corners().is_empty() { "Nothing has changed" } else { "The zone is not closed" }
 }
 
 /// Sends a mission in the frame in which the vehicle states its own, if it states one. Returns what was sent.
@@ -343,7 +269,29 @@ fn send(cx: &mut ViewContext<'_>, map: &str, buffer: &str, draft: &Draft) -> Mis
     mission
 }
 
-/// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak.
+/// Paints a draft, and marks the point of it that is dragged, or that can be dragged from under the pointer.
+fn paint_draft(ui: &Ui, draft: &Draft, map: &str, response: &Response, at: At, labels: &mut Labels) {
+    let (painter, tokens) = (ui.painter_at(at.canvas), tokens(ui));
+    paint(&painter, &draft.message(map, &Pose::IDENTITY), at, tokens, true, labels);
+    paint_corners(&painter, draft.corners(), at, tokens);
+    // A pointer that moves the map points at nothing.
+    let pointer = response.hover_pos().filter(|_| !response.dragged());
+    let pointer = pointer.map(|pos| at.viewport.to_plane(at.canvas, pos));
+    let under = pointer.and_then(|pointer| draft.handle_at(pointer, 1.0 / at.viewport.scale));
+    let dragged = draft.dragged();
+    let Some(handle) = dragged.or(under) else { return };
+    let Some(place) = draft.place(handle) else { return };
+    let radius = match handle {
+        Handle::Goal(_) => GOAL_RADIUS,
+        Handle::Corner(..) | Handle::OpenCorner(_) => CORNER_RADIUS + 2.0,
+    };
+    painter.circle_stroke(at.screen(place), radius, Stroke::new(2.5, tokens.strong));
+    let icon = if dragged.is_some() { CursorIcon::Grabbing } else { CursorIcon::Grab };
+    ui.ctx().set_cursor_icon(icon);
+}
+
+/// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak. The corners of
+/// the zones of a draft are discs.
 pub(super) fn paint(
     painter: &Painter,
     mission: &Mission,
@@ -368,6 +316,9 @@ pub(super) fn paint(
         let halo = Stroke::new(4.0, tokens.canvas().gamma_multiply(0.8));
         painter.extend(around(zone).into_iter().map(|part| Shape::line(part, halo)));
         painter.extend(around(zone).into_iter().map(|part| Shape::line(part, Stroke::new(1.5, red))));
+        for corner in screen(zone).into_iter().filter(|_| is_draft) {
+            painter.circle(corner, CORNER_RADIUS, red, Stroke::new(1.0, tokens.canvas()));
+        }
     }
     for (index, goal) in mission.goals.iter().enumerate() {
         let center = at.screen([goal.x_m, goal.y_m]);
@@ -376,8 +327,8 @@ pub(super) fn paint(
             (false, true) => (tokens.surface[3], tokens.weak),
             (false, false) => (tokens.ok, tokens.canvas()),
         };
-        labels.keep_free(Rect::from_center_size(center, Vec2::splat(18.0)));
-        painter.circle(center, 9.0, fill, Stroke::new(1.0, tokens.canvas()));
+        labels.keep_free(Rect::from_center_size(center, Vec2::splat(2.0 * GOAL_RADIUS)));
+        painter.circle(center, GOAL_RADIUS, fill, Stroke::new(1.0, tokens.canvas()));
         let number = (index + 1).to_string();
         painter.text(center, Align2::CENTER_CENTER, number, FontId::proportional(11.0), ink);
     }
@@ -388,7 +339,7 @@ pub(super) fn paint_corners(painter: &Painter, corners: &[[f64; 2]], at: At, tok
     let points: Vec<Pos2> = corners.iter().map(|corner| at.viewport.to_screen(at.canvas, *corner)).collect();
     painter.add(Shape::line(points.clone(), Stroke::new(1.5, tokens.warning)));
     for (index, point) in points.into_iter().enumerate() {
-        let radius = if index == 0 { 5.0 } else { 3.0 };
+        let radius = if index == 0 { 5.0 } else { CORNER_RADIUS };
         painter.circle(point, radius, tokens.warning, Stroke::new(1.0, tokens.canvas()));
     }
 }
@@ -416,85 +367,5 @@ pub(super) fn hatch(painter: &Painter, corners: &[Pos2], color: Color32) {
             painter.line_segment(ends, Stroke::new(1.0, color));
         }
         s += HATCH;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn clicks_add_goals_and_corners_and_the_first_corner_closes_the_zone() {
-        let mut draft = Draft::default();
-        draft.click([1.0, 2.0], 0.5);
-        draft.adds = Adds::Zone;
-        for corner in [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [9.0, 9.0]] {
-            draft.click(corner, 0.5);
-        }
-        assert!(draft.undo());
-        draft.click([0.2, 0.2], 0.5);
-        assert_eq!((draft.summary().as_str(), draft.corners.len()), ("1 goal, 1 keep-out zone", 0));
-        let pose = Pose::from_xy_yaw(10.0, 0.0, 0.0);
-        let message = draft.message("global", &pose);
-        assert_eq!((message.goals[0].x_m, message.keep_out[0].points.len()), (11.0, 3));
-        assert!(draft.undo() && !draft.undo(), "goals stay while zones are drawn");
-    }
-
-    /// A draft of what a vehicle has left of a mission.
-    fn draft_of(mission: &Mission) -> Draft {
-        let left = mission.goals.iter().skip(mission.reached as usize);
-        let goals: Vec<_> = left.map(place(Pose::IDENTITY)).collect();
-        Draft { begun: goals.clone(), goals, stated: Some(Stated::of(mission)), ..Draft::default() }
-    }
-
-    fn mission(goals: &[[f64; 2]], reached: u32) -> Mission {
-        let goals = goals.iter().map(|&[x_m, y_m]| PlanePoint { x_m, y_m }).collect();
-        Mission { frame_id: "local".to_owned(), goals, reached, ..Mission::default() }
-    }
-
-    fn sent(draft: &mut Draft) -> Mission {
-        let sent = draft.message("local", &Pose::IDENTITY);
-        draft.sent(&sent);
-        sent
-    }
-
-    #[test]
-    fn goals_that_are_as_they_were_leave_the_vehicle_its_own() {
-        let mut none = Draft::default();
-        none.click([1.0, 2.0], 0.5);
-        assert!(!none.keeps_goals() && none.undo() && none.keeps_goals(), "a goal was taken back");
-        none.clear();
-        assert!(sent(&mut none).keeps_goals, "there was nothing to delete");
-        let mut draft = draft_of(&mission(&[[1.0, 0.0]], 0));
-        draft.clear();
-        assert!(!sent(&mut draft).keeps_goals, "the goal was deleted");
-        draft.click([4.0, 4.0], 0.5);
-        assert!(!sent(&mut draft).keeps_goals && sent(&mut draft).keeps_goals);
-        draft.states_goals = true;
-        assert!(!sent(&mut draft).keeps_goals);
-    }
-
-    #[test]
-    fn a_goal_that_was_reached_is_not_sent_again() {
-        let (a, b, c) = ([1.0, 0.0], [2.0, 0.0], [3.0, 0.0]);
-        let old = mission(&[[8.0, 8.0], [9.0, 9.0]], 0);
-        let mut draft = draft_of(&old);
-        draft.clear();
-        draft.click(a, 0.5);
-        draft.click(b, 0.5);
-        sent(&mut draft);
-        draft.follow(&Mission { reached: 1, ..old });
-        assert_eq!(draft.goals, [a, b], "a goal of the mission before was reached");
-        draft.follow(&mission(&[[1.001, 0.0], b], 1));
-        assert!(draft.goals == [b] && draft.keeps_goals());
-        draft.follow(&mission(&[a, b], 1));
-        draft.click(c, 0.5);
-        assert_eq!(draft.goals, [b, c], "it is left out once");
-        assert_eq!(sent(&mut draft).goals.len(), 2);
-        // What the operator has drawn in place of the goals stays.
-        draft.clear();
-        draft.click(c, 0.5);
-        draft.follow(&mission(&[b, c], 1));
-        assert_eq!((draft.goals.as_slice(), draft.begun.as_slice()), (&[c][..], &[c][..]));
     }
 }

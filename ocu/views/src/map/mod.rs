@@ -6,6 +6,7 @@
 
 mod cell;
 mod cloud;
+mod draft;
 mod for_camera;
 mod for_scene;
 mod goals;
@@ -109,7 +110,7 @@ pub(crate) struct Map {
     /// The layer that is to fill the canvas.
     zoom_to: Option<String>,
     /// A mission that is being drawn.
-    draft: Option<mission::Draft>,
+    draft: Option<draft::Draft>,
     /// An example for learning that is being drawn.
     example: Option<training::Example>,
     /// The place of the legend in the previous pass.
@@ -351,8 +352,9 @@ impl Map {
             (false, _) => 0.0,
         };
         viewport.turned_rad = self.turned_rad;
-        if viewport.interact(ui, response, [0.01, 5000.0], !self.measuring) {
-            if response.dragged() {
+        let pans = !self.measuring && !self.drag_draft(response, viewport);
+        if viewport.interact(ui, response, [0.01, 5000.0], pans) {
+            if pans && response.dragged() {
                 // Who drags the map looks elsewhere.
                 self.saved.follows = false;
             } else if let Some([x, y, _]) = here {
@@ -524,7 +526,7 @@ mod tests {
     #[test]
     fn what_was_drawn_and_measured_is_dropped_where_the_frame_of_the_map_changes() {
         let mut map = Map {
-            draft: Some(mission::Draft::default()),
+            draft: Some(draft::Draft::default()),
             measured: Some([[0.0; 2]; 2]),
             kept: Some([1.0, 2.0]),
             ..Map::default()

@@ -1,7 +1,8 @@
 //! Examples for processes that learn: a person draws around something on the map and says what it is.
 
+use super::draft::corner;
 use super::grid::frame_of;
-use super::mission::{corner, hatch, paint_corners};
+use super::mission::{hatch, paint_corners};
 use super::plan::At;
 use super::{Map, layers};
 use crate::operator::Inputs;

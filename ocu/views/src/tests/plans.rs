@@ -131,6 +131,47 @@ fn a_mission_is_drawn_and_sent_and_a_click_sends_the_vehicle_to_one_goal() {
 }
 
 #[test]
+fn a_goal_of_a_mission_is_dragged_while_the_map_stays_and_deleted_in_its_menu() {
+    use egui::{CursorIcon, PointerButton};
+    let mut map = shown("map");
+    let middle = map.get_by_label("Map").rect().center();
+    map.get_by_label_contains("Draw a mission").click();
+    map.run();
+    let (from, to) = (middle + Vec2::new(40.0, 60.0), middle + Vec2::new(-80.0, 100.0));
+    for at in [from, from + Vec2::splat(5.0)] {
+        click(&mut map, at, PointerButton::Primary);
+        assert!(map.query_by_label_contains("2 goals, 0 keep-out zones: not sent").is_some(), "{at}");
+        assert_eq!(map.output().platform_output.cursor_icon, CursorIcon::Grab);
+    }
+    map.hover_at(to);
+    map.run();
+    let [x_m, y_m, _] = map.state().selection.hovered.get().point.clone().unwrap().position_m;
+
+    map.hover_at(from);
+    map.drag_at(from);
+    map.hover_at(to);
+    map.run();
+    assert_eq!(map.output().platform_output.cursor_icon, CursorIcon::Grabbing);
+    map.drop_at(to);
+    map.run();
+    assert!(map.state().view.save()["viewport"].is_null(), "the map has not moved");
+    map.get_by_label_contains("Send").click();
+    map.run();
+    let goal = sent(&mut map)[0].goals[1];
+    assert!((goal.x_m - x_m).hypot(goal.y_m - y_m) < 1e-3, "{goal:?}, and not {x_m} {y_m}");
+
+    click(&mut map, to, PointerButton::Secondary);
+    map.get_by_label_contains("Delete goal 2").click();
+    map.run();
+    assert!(map.query_by_label_contains("1 goal, 0 keep-out zones: not sent").is_some());
+    click(&mut map, to, PointerButton::Secondary);
+    assert!(map.query_by_label_contains("Delete goal").is_none(), "there is none any more");
+    click(&mut map, middle - Vec2::new(200.0, 100.0), PointerButton::Primary);
+    assert!(map.query_by_label_contains("Drive here").is_none(), "a click beside the menu closes it");
+    assert!(map.query_by_label_contains("1 goal, 0 keep-out zones: not sent").is_some(), "and adds no goal");
+}
+
+#[test]
 fn a_click_on_the_panel_of_a_mission_does_not_reach_the_map() {
     let mut map = shown("map");
     map.get_by_label_contains("Draw a mission").click();

@@ -1,0 +1,271 @@
+//! Tests of the draft of a mission.
+
+use super::*;
+
+/// Length of a screen point: a goal has a radius of 0.45 m, and a corner is meant within 0.5 m.
+const M_PER_POINT: f64 = 0.05;
+const A: [f64; 2] = [1.0, 0.0];
+const B: [f64; 2] = [2.0, 0.0];
+const C: [f64; 2] = [3.0, 0.0];
+
+fn mission(goals: &[[f64; 2]], reached: u32) -> Mission {
+    let goals = goals.iter().map(|&[x_m, y_m]| PlanePoint { x_m, y_m }).collect();
+    Mission { frame_id: "local".to_owned(), goals, reached, ..Mission::default() }
+}
+
+/// A draft of what a vehicle has left of a mission.
+fn draft_of(mission: &Mission) -> Draft {
+    Draft::new(Vec::new(), Some((mission, Pose::IDENTITY)))
+}
+
+fn goals(draft: &Draft) -> Vec<[f64; 2]> {
+    draft.drawn.goals.iter().map(|goal| goal.at).collect()
+}
+
+fn sent(draft: &mut Draft) -> Mission {
+    let sent = draft.message("local", &Pose::IDENTITY);
+    draft.sent(&sent);
+    sent
+}
+
+fn drag(draft: &mut Draft, from: [f64; 2], to: [f64; 2]) {
+    draft.grab(from, M_PER_POINT);
+    draft.drag_to(to);
+    draft.release();
+}
+
+/// Deletes the goal at a place.
+fn delete(draft: &mut Draft, at: [f64; 2]) {
+    let (id, _) = draft.goal_at(at, M_PER_POINT).unwrap();
+    draft.delete_goal(id);
+}
+
+/// A draft with one goal and a closed square of 4 m.
+fn with_a_zone() -> Draft {
+    let mut draft = draft_of(&mission(&[[9.0, 0.0]], 0));
+    draft.adds = Adds::Zone;
+    for corner in [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0]] {
+        draft.click(corner, M_PER_POINT);
+    }
+    assert_eq!(draft.summary(), "1 goal, 1 keep-out zone");
+    draft
+}
+
+#[test]
+fn clicks_add_goals_and_corners_and_the_first_corner_closes_the_zone() {
+    let mut draft = Draft::default();
+    draft.click([1.0, 2.0], M_PER_POINT);
+    draft.adds = Adds::Zone;
+    for corner in [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [9.0, 9.0]] {
+        draft.click(corner, M_PER_POINT);
+    }
+    assert!(draft.undo());
+    draft.click([0.2, 0.2], M_PER_POINT);
+    assert_eq!((draft.summary().as_str(), draft.corners().len()), ("1 goal, 1 keep-out zone", 0));
+    let pose = Pose::from_xy_yaw(10.0, 0.0, 0.0);
+    let message = draft.message("global", &pose);
+    assert_eq!((message.goals[0].x_m, message.keep_out[0].points.len()), (11.0, 3));
+}
+
+#[test]
+fn a_click_on_a_goal_adds_nothing_and_the_first_corner_closes_a_zone_also_beside_a_goal() {
+    let mut draft = draft_of(&mission(&[A], 0));
+    draft.click([1.4, 0.0], M_PER_POINT);
+    assert!(goals(&draft) == [A] && !draft.changed);
+    draft.adds = Adds::Zone;
+    draft.click(A, M_PER_POINT);
+    assert!(draft.corners().is_empty() && !draft.changed);
+    for corner in [[1.5, 0.0], [4.0, 0.0], [4.0, 4.0], [1.4, 0.0]] {
+        draft.click(corner, M_PER_POINT);
+    }
+    assert_eq!(draft.summary(), "1 goal, 1 keep-out zone");
+    draft.click([1.5, 0.6], M_PER_POINT);
+    draft.click([1.5, 0.6], M_PER_POINT);
+    assert!(draft.corners().len() == 1 && draft.undo() && draft.corners().is_empty(), "one change");
+}
+
+#[test]
+fn goals_that_are_as_they_were_leave_the_vehicle_its_own() {
+    let mut none = Draft::default();
+    none.click([1.0, 2.0], M_PER_POINT);
+    assert!(!none.keeps_goals() && none.undo() && none.keeps_goals(), "a goal was taken back");
+    none.clear();
+    assert!(sent(&mut none).keeps_goals, "there was nothing to delete");
+    let mut draft = draft_of(&mission(&[A], 0));
+    draft.clear();
+    assert!(!sent(&mut draft).keeps_goals, "the goal was deleted");
+    draft.click([4.0, 4.0], M_PER_POINT);
+    assert!(!sent(&mut draft).keeps_goals && sent(&mut draft).keeps_goals);
+    drag(&mut draft, [4.0, 4.0], [5.0, 4.0]);
+    assert!(!draft.keeps_goals() && draft.undo() && draft.keeps_goals(), "a goal was moved and moved back");
+    assert!(!sent(&mut draft.with_only_goal([4.0, 4.0])).keeps_goals);
+}
+
+#[test]
+fn a_goal_that_was_reached_is_not_sent_again() {
+    let old = mission(&[[8.0, 8.0], [9.0, 9.0]], 0);
+    let mut draft = draft_of(&old);
+    draft.clear();
+    draft.click(A, M_PER_POINT);
+    draft.click(B, M_PER_POINT);
+    sent(&mut draft);
+    draft.follow(&Mission { reached: 1, ..old });
+    assert_eq!(goals(&draft), [A, B], "a goal of the mission before was reached");
+    draft.follow(&mission(&[[1.001, 0.0], B], 1));
+    assert!(goals(&draft) == [B] && draft.keeps_goals());
+    draft.follow(&mission(&[A, B], 1));
+    draft.click(C, M_PER_POINT);
+    assert_eq!(goals(&draft), [B, C], "it is left out once");
+    assert_eq!(sent(&mut draft).goals.len(), 2);
+    // What the operator has drawn in place of the goals stays.
+    draft.clear();
+    draft.click(C, M_PER_POINT);
+    draft.follow(&mission(&[B, C], 1));
+    assert_eq!((goals(&draft), draft.begun.len()), (vec![C], 1));
+}
+
+#[test]
+fn a_drag_moves_the_goal_under_the_pointer_by_as_much_as_the_pointer() {
+    let mut draft = draft_of(&mission(&[A, B, C], 0));
+    draft.grab([2.25, 0.25], M_PER_POINT);
+    assert_eq!(draft.dragged(), draft.handle_at(B, M_PER_POINT));
+    draft.drag_to([2.25, 0.25]);
+    assert!(!draft.changed && draft.keeps_goals(), "it was not moved yet");
+    draft.drag_to([2.25, 3.25]);
+    draft.drag_to([5.25, 1.25]);
+    draft.release();
+    draft.drag_to([7.0, 7.0]);
+    assert!(goals(&draft) == [A, [5.0, 1.0], C] && draft.changed && !draft.keeps_goals());
+    assert!(draft.undo() && goals(&draft) == [A, B, C] && !draft.undo(), "a drag is one change");
+    draft.grab([2.0, 3.0], M_PER_POINT);
+    assert_eq!(draft.dragged(), None);
+}
+
+#[test]
+fn of_two_points_the_nearest_is_dragged_and_at_one_place_the_upper_one() {
+    let mut draft = draft_of(&mission(&[A, A, [1.5, 0.0]], 0));
+    assert_eq!(draft.handle_at([1.2, 0.0], M_PER_POINT), Some(Handle::Goal(1)));
+    assert_eq!(draft.handle_at([1.3, 0.0], M_PER_POINT), Some(Handle::Goal(2)));
+    assert_eq!(draft.goal_at([1.2, 0.0], M_PER_POINT), Some((1, 2)));
+    drag(&mut draft, [1.2, 0.0], [1.2, 5.0]);
+    assert_eq!(goals(&draft), [A, [1.0, 5.0], [1.5, 0.0]]);
+}
+
+#[test]
+fn corners_of_a_zone_that_is_closed_and_of_one_that_is_drawn_can_be_dragged() {
+    let mut draft = with_a_zone();
+    drag(&mut draft, [4.25, 4.0], [6.25, 5.0]);
+    assert_eq!(draft.drawn.keep_out[0], [[0.0, 0.0], [4.0, 0.0], [6.0, 5.0], [0.0, 4.0]]);
+    draft.click([7.0, 7.0], M_PER_POINT);
+    drag(&mut draft, [7.0, 7.25], [8.0, 7.25]);
+    assert_eq!(draft.corners(), [[8.0, 7.0]]);
+    assert!(draft.undo() && draft.corners() == [[7.0, 7.0]]);
+    assert!(draft.undo() && draft.corners().is_empty());
+    assert!(draft.undo() && draft.drawn.keep_out[0][2] == [4.0, 4.0] && draft.keeps_goals());
+}
+
+#[test]
+fn one_goal_or_one_zone_is_deleted_and_the_others_stay() {
+    let mut draft = draft_of(&mission(&[A, B, C], 0));
+    delete(&mut draft, B);
+    assert_eq!(goals(&draft), [A, C]);
+    assert!(!draft.keeps_goals() && draft.undo() && draft.keeps_goals());
+    assert_eq!(draft.goal_at([2.0, 0.5], M_PER_POINT), None);
+
+    let mut draft = with_a_zone();
+    for corner in [[6.0, 6.0], [8.0, 6.0], [6.0, 8.0], [6.0, 6.0]] {
+        draft.click(corner, M_PER_POINT);
+    }
+    let zone = |at| draft.zone_at(at, M_PER_POINT);
+    assert_eq!([[2.0, 2.0], [4.4, 2.0], [4.6, 2.0]].map(zone), [Some(0), Some(0), None]);
+    assert_eq!([[6.5, 6.5], [8.4, 6.0], [7.9, 7.9]].map(zone), [Some(1), Some(1), None]);
+    draft.delete_zone(0);
+    assert_eq!(
+        (draft.summary().as_str(), draft.drawn.keep_out[0][1]),
+        ("1 goal, 1 keep-out zone", [8.0, 6.0])
+    );
+    assert!(draft.undo() && draft.drawn.keep_out.len() == 2);
+}
+
+#[test]
+fn every_change_is_taken_back_the_last_one_first() {
+    let mut draft = with_a_zone();
+    let mut states = vec![draft.drawn.clone()];
+    let changes: [fn(&mut Draft); 6] = [
+        |draft| draft.click([5.0, 9.0], M_PER_POINT),
+        |draft| draft.adds = Adds::Goal,
+        |draft| draft.click([12.0, 0.0], M_PER_POINT),
+        |draft| drag(draft, [12.0, 0.0], [12.0, 3.0]),
+        |draft| delete(draft, [9.0, 0.0]),
+        Draft::clear,
+    ];
+    for change in changes {
+        change(&mut draft);
+        states.push(draft.drawn.clone());
+    }
+    states.dedup();
+    assert_eq!(states.len(), 6, "to choose what a click adds is no change");
+    for state in states.into_iter().rev().skip(1) {
+        sent(&mut draft);
+        assert!(draft.undo() && draft.drawn == state && draft.changed);
+    }
+    for at in 0..2 * MOST_CHANGES {
+        draft.click([at as f64, 20.0], M_PER_POINT);
+    }
+    assert_eq!((0..2 * MOST_CHANGES).filter(|_| draft.undo()).count(), MOST_CHANGES);
+}
+
+#[test]
+fn a_drag_keeps_its_goal_when_another_one_is_reached() {
+    let mut draft = draft_of(&mission(&[A, B, C], 0));
+    draft.grab(C, M_PER_POINT);
+    draft.drag_to([3.0, 1.0]);
+    draft.follow(&mission(&[A, B, C], 1));
+    draft.drag_to([3.0, 2.0]);
+    draft.follow(&mission(&[A, B, C], 2));
+    draft.drag_to([3.0, 3.0]);
+    assert_eq!(goals(&draft), [[3.0, 3.0]]);
+    draft.release();
+    assert!(draft.undo() && goals(&draft) == [C] && draft.keeps_goals() && !draft.undo());
+    // It is reached before it has been moved.
+    draft.grab(C, M_PER_POINT);
+    draft.follow(&mission(&[A, B, C], 3));
+    draft.drag_to([3.0, 3.0]);
+    assert!(goals(&draft).is_empty() && draft.keeps_goals());
+}
+
+#[test]
+fn a_goal_that_was_reached_is_left_out_whatever_was_changed_before_it() {
+    let all = |reached| mission(&[A, B, A, C], reached);
+    let mut draft = draft_of(&all(0));
+    drag(&mut draft, A, [1.0, 5.0]);
+    // The third goal is at the place of the first one, and lies above it.
+    assert_eq!(goals(&draft), [A, B, [1.0, 5.0], C]);
+    delete(&mut draft, A);
+    draft.follow(&all(2));
+    assert_eq!(goals(&draft), [[1.0, 5.0], C], "the second one was reached");
+    draft.follow(&all(3));
+    assert_eq!(goals(&draft), [[1.0, 5.0], C], "the operator has moved the third one");
+    sent(&mut draft);
+    draft.follow(&mission(&[[1.0, 5.0], C], 1));
+    assert!(goals(&draft) == [C] && draft.keeps_goals());
+}
+
+#[test]
+fn undo_does_not_bring_back_what_was_reached() {
+    let all = |reached| mission(&[A, B, C], reached);
+    let mut draft = draft_of(&all(0));
+    delete(&mut draft, A);
+    draft.follow(&all(1));
+    assert!(draft.keeps_goals() && !draft.undo(), "the deleted goal was reached");
+    drag(&mut draft, B, [2.0, 5.0]);
+    draft.follow(&all(2));
+    assert_eq!(goals(&draft), [[2.0, 5.0], C]);
+    assert!(draft.undo() && goals(&draft) == [C], "its place before was reached");
+    drag(&mut draft, C, [3.0, 5.0]);
+    draft.clear();
+    assert!(draft.undo());
+    sent(&mut draft);
+    draft.follow(&mission(&[[3.0, 5.0]], 1));
+    assert!(goals(&draft).is_empty() && !draft.undo(), "it was reached where it was moved");
+}
