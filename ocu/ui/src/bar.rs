@@ -8,8 +8,8 @@
 use crate::{Icon, icons, tokens, widgets};
 use egui::containers::menu::{MenuButton, MenuConfig, SubMenuButton};
 use egui::{
-    Align, Button, Layout, PopupCloseBehavior, Pos2, Rect, Response, Role, Sense, TextWrapMode, Ui,
-    UiBuilder, Vec2, WidgetInfo,
+    Align, Button, ComboBox, InnerResponse, Layout, PopupCloseBehavior, Pos2, Rect, Response, Role,
+    ScrollArea, Sense, TextWrapMode, Ui, UiBuilder, Vec2, WidgetInfo,
 };
 use std::collections::BTreeMap;
 
@@ -295,6 +295,53 @@ pub fn menu_of(
     };
     response.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
     response
+}
+
+/// A list of a bar from which something is chosen.
+#[derive(Clone, Copy, Debug)]
+pub struct Choice<'a> {
+    /// What is chosen.
+    pub name: &'a str,
+    /// The entry that is chosen now.
+    pub text: &'a str,
+    /// Width of its button in the bar, short and in full, points.
+    pub widths: [f32; 2],
+    /// What closes the list.
+    pub closes: PopupCloseBehavior,
+}
+
+impl<'a> Choice<'a> {
+    /// A list that a click on an entry closes.
+    pub fn new(name: &'a str, text: &'a str, widths: [f32; 2]) -> Self {
+        Self { name, text, widths, closes: PopupCloseBehavior::CloseOnClick }
+    }
+}
+
+/// Most height of a list, points.
+const LIST: f32 = 400.0;
+
+/// A list whose entries `add` paints. In the menu it is a submenu: a list would close the menu and itself. Returns its
+/// button, and what `add` returned while the list is open.
+pub fn choice<R>(
+    ui: &mut Ui,
+    form: Form,
+    choice: Choice<'_>,
+    add: impl FnOnce(&mut Ui) -> R,
+) -> InnerResponse<Option<R>> {
+    let Choice { name, text, widths: [short, full], closes } = choice;
+    let list = if form == Form::Listed {
+        let config = MenuConfig::new().close_behavior(closes);
+        let button = SubMenuButton::new(format!("{name}: {text}")).config(config);
+        let (response, inner) =
+            button.ui(ui, |ui| ScrollArea::vertical().max_height(LIST).show(ui, add).inner);
+        InnerResponse::new(inner.map(|inner| inner.inner), response)
+    } else {
+        let width = if form == Form::Short { short } else { full };
+        let combo = ComboBox::from_id_salt(name).selected_text(text).width(width).truncate();
+        combo.height(LIST).close_behavior(closes).show_ui(ui, add)
+    };
+    list.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, name));
+    list
 }
 
 /// A thin line between groups of a bar; nothing in the menu.

@@ -1,8 +1,8 @@
 //! The toolbar at the top of a view, and controls used by several of them.
 
 use crate::view::TopicKey;
-use egui::{Align, ComboBox, Layout, Role, Ui, Vec2, WidgetInfo};
-use ocu_ui::bar::{Bar, Form};
+use egui::{Align, Layout, Ui, Vec2};
+use ocu_ui::bar::{self, Bar, Choice, Form};
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{legend, tokens};
 use rcs_runtime::source::{Frame, RunTag, Topic};
@@ -41,9 +41,7 @@ pub(crate) fn topic_choice(
 ) -> Option<TopicKey> {
     let mut chosen = None;
     let text = shown.map_or_else(|| "choose a topic".to_owned(), |topic| topic_label(frame, topic));
-    let width = if form == Form::Short { 80.0 } else { 160.0 };
-    let combo = ComboBox::from_id_salt(name).selected_text(text).width(width).truncate();
-    let combo = combo.show_ui(ui, |ui| {
+    bar::choice(ui, form, Choice::new(name, &text, [80.0, 160.0]), |ui| {
         let mut truth = false;
         for topic in topics {
             if topic.is_ground_truth() && !std::mem::replace(&mut truth, true) {
@@ -56,7 +54,6 @@ pub(crate) fn topic_choice(
             }
         }
     });
-    combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, name));
     chosen
 }
 

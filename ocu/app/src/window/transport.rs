@@ -2,14 +2,14 @@
 
 use super::bookmarks::Bookmarks;
 use crate::time::date_and_time;
-use egui::{Key, PopupCloseBehavior, Role, WidgetInfo};
-use ocu_ui::bar::{self, Bar, Fit, Form};
+use egui::{Key, PopupCloseBehavior};
+use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_runtime::source::{Control, Frame, Step};
 
 /// Selectable playback speeds.
 const SPEEDS: [f64; 10] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, f64::INFINITY];
-/// Least width of the list of step units, and most height of what scrolls in it, points.
+/// Least width of the list of step units, and most height of what scrolls below its field, points.
 const UNITS_WIDTH: f32 = 220.0;
 const UNITS_HEIGHT: f32 = 320.0;
 
@@ -94,7 +94,7 @@ pub(super) fn ui(
             acts.controls.push(Control::Loop(looping));
         }
     });
-    bar.left("speed", Fit::Leaves(40), |ui, _, acts| speed(ui, frame, acts.controls));
+    bar.left("speed", Fit::Leaves(40), |ui, form, acts| speed(ui, form, frame, acts.controls));
     bar.left("bookmarks", Fit::Leaves(15), |ui, form, acts| acts.marks.menu(ui, form, frame, acts.controls));
     bar.left("clock", Fit::Stays, |ui, form, _| {
         bar::divider(ui, form);
@@ -147,23 +147,19 @@ pub(super) fn ui(
     acts.whole
 }
 
-fn speed(ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
+fn speed(ui: &mut egui::Ui, form: Form, frame: &Frame, controls: &mut Vec<Control>) {
     let playback = &frame.playback;
     let mut speed = playback.speed;
     let text = |speed: f64| {
         if speed.is_infinite() { "max".to_owned() } else { format!("× {}", format::number(speed)) }
     };
     let shown = text(speed);
-    let combo = egui::ComboBox::from_id_salt("speed").selected_text(shown).width(56.0).height(400.0).show_ui(
-        ui,
-        |ui| {
-            for choice in SPEEDS {
-                ui.selectable_value(&mut speed, choice, text(choice));
-            }
-        },
-    );
-    combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Speed"));
-    combo.response.on_hover_text("Speed: seconds of the source a second; max is as fast as it goes");
+    let list = bar::choice(ui, form, Choice::new("Speed", &shown, [56.0; 2]), |ui| {
+        for choice in SPEEDS {
+            ui.selectable_value(&mut speed, choice, text(choice));
+        }
+    });
+    list.response.on_hover_text("Speed: seconds of the source a second; max is as fast as it goes");
     if speed != playback.speed {
         controls.push(Control::Speed(speed));
     }
@@ -177,23 +173,18 @@ fn unit_menu(ui: &mut egui::Ui, form: Form, frame: &Frame, unit: &mut Unit) {
     let is_fresh = kept.is_none();
     let mut search = kept.unwrap_or_default();
     let shown = unit.text();
-    let width = if form == Form::Short { 64.0 } else { 128.0 };
-    let combo = egui::ComboBox::from_id_salt("step unit")
-        .selected_text(shown)
-        .width(width)
-        .truncate()
-        // So high that only the list below the field scrolls.
-        .height(UNITS_HEIGHT + 80.0)
-        .close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-    let combo = combo.show_ui(ui, |ui| unit_list(ui, frame, unit, &mut search, is_fresh));
-    ui.data_mut(|data| match combo.inner {
+    let choice = Choice {
+        closes: PopupCloseBehavior::CloseOnClickOutside,
+        ..Choice::new("What a step is", &shown, [64.0, 128.0])
+    };
+    let list = bar::choice(ui, form, choice, |ui| unit_list(ui, frame, unit, &mut search, is_fresh));
+    ui.data_mut(|data| match list.inner {
         Some(false) => {
             data.insert_temp(id, search);
         }
         Some(true) | None => data.remove::<String>(id),
     });
-    combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "What a step is"));
-    combo.response.on_hover_text("What a step is (arrow keys; with shift, a cycle)");
+    list.response.on_hover_text("What a step is (arrow keys; with shift, a cycle)");
 }
 
 /// The list of all units, and a field above it that leaves those with the typed words. Returns whether one was chosen,

@@ -5,7 +5,7 @@ use super::{Camera, OverlayState, Projected};
 use crate::image::{DecodedImage, Pixels};
 use crate::view::rate_hz;
 use egui::{Role, Ui, WidgetInfo};
-use ocu_ui::bar::{self, Bar, Fit, Form};
+use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::{icons, tokens};
 use rcs_runtime::source::Topic;
 
@@ -133,16 +133,15 @@ impl Camera {
 
     fn depth_unit(&mut self, ui: &mut Ui, form: Form) {
         let step = &mut self.saved.depth_step_m;
-        if form != Form::Short {
+        if form == Form::Full {
             ui.label("Depth unit");
         }
         let text = if *step == 1.0 / 256.0 { "1/256 m".to_owned() } else { format!("{} mm", *step * 1000.0) };
-        let combo = egui::ComboBox::from_id_salt("depth step").selected_text(text).show_ui(ui, |ui| {
+        let list = bar::choice(ui, form, Choice::new("Depth unit", &text, [72.0, 88.0]), |ui| {
             ui.selectable_value(step, 0.001, "1 mm (ROS)");
             ui.selectable_value(step, 1.0 / 256.0, "1/256 m");
         });
-        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Depth unit"));
-        combo.response.on_hover_text("The image does not say what one step of its depth is: an assumption");
+        list.response.on_hover_text("The image does not say what one step of its depth is: an assumption");
     }
 }
 

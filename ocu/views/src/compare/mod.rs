@@ -12,8 +12,8 @@ mod table;
 use crate::canvas::Viewport;
 use crate::toolbar;
 use crate::view::{SavedState, View, ViewContext, Wish};
-use egui::{Color32, FontId, Rect, Role, Sense, Ui, UiBuilder, Vec2, WidgetInfo};
-use ocu_ui::bar::{self, Bar, Fit, Form};
+use egui::{Color32, FontId, Rect, Sense, Ui, UiBuilder, Vec2};
+use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Comparison, Control, Frame};
@@ -173,9 +173,7 @@ fn side_choice(
     let text = shown.map_or_else(|| "–".to_owned(), |sides| side::name(frame, sides[index]));
     let (swatch, _) = ui.allocate_exact_size(Vec2::new(10.0, 10.0), Sense::hover());
     ui.painter().rect_filled(swatch, 2.0, color(ui, index));
-    let width = if form == Form::Short { 72.0 } else { 150.0 };
-    let combo = egui::ComboBox::from_id_salt(name).selected_text(text).width(width).truncate();
-    let combo = combo.show_ui(ui, |ui| {
+    bar::choice(ui, form, Choice::new(&format!("{name} of the two"), &text, [72.0, 150.0]), |ui| {
         for &choice in choices {
             let is_on = shown.is_some_and(|sides| sides[index] == choice);
             if ui.selectable_label(is_on, side::name(frame, choice)).clicked() && !is_on {
@@ -183,7 +181,6 @@ fn side_choice(
             }
         }
     });
-    combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, format!("{name} of the two")));
 }
 
 /// The sides after one of them was chosen. If it is the other one already, they change places.

@@ -2,8 +2,8 @@
 
 use super::{Map, layers, mission};
 use crate::operator::Inputs;
-use egui::{Role, Ui, WidgetInfo};
-use ocu_ui::bar::{self, Bar, Fit, Form};
+use egui::Ui;
+use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::icons;
 use ocu_ui::palette::MapPalette;
 use rcs_runtime::source::Frame;
@@ -72,10 +72,8 @@ impl Map {
     }
 
     fn frame_choice(&mut self, ui: &mut Ui, form: Form, map: &str, frames: &[&str]) {
-        let width = if form == Form::Short { 72.0 } else { 160.0 };
-        let text = layers::frame_label(map);
-        let combo = egui::ComboBox::from_id_salt("map frame").selected_text(text).width(width).truncate();
-        let combo = combo.show_ui(ui, |ui| {
+        let choice = Choice::new("Frame of the map", layers::frame_label(map), [72.0, 160.0]);
+        let list = bar::choice(ui, form, choice, |ui| {
             for frame in frames {
                 if ui.selectable_label(*frame == map, layers::frame_label(frame)).clicked() {
                     self.saved.frame = Some((*frame).to_owned());
@@ -83,7 +81,6 @@ impl Map {
                 }
             }
         });
-        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the map"));
-        combo.response.on_hover_text("Frame that everything is drawn in");
+        list.response.on_hover_text("Frame that everything is drawn in");
     }
 }

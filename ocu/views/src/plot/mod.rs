@@ -21,7 +21,7 @@ use egui::{Color32, Pos2, Rect, Ui};
 use entry::{Entered, Entry};
 use graph::Drawn;
 use menu::Asked;
-use ocu_ui::bar::{self, Bar, Fit, Form};
+use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::{icons, tokens, widgets};
 use paint::Clock;
 use rcs_formula::FieldRef;
@@ -338,16 +338,13 @@ fn span_choice(ui: &mut Ui, form: Form, frame: &Frame, span: &mut Span) {
         Span::Last(s) => format!("Last {s} s"),
         Span::Fixed(..) => "Chosen range".to_owned(),
     };
-    let width = if form == Form::Short { 72.0 } else { 112.0 };
-    let combo = egui::ComboBox::from_id_salt("span").selected_text(text).width(width).truncate();
-    let combo = combo.show_ui(ui, |ui| {
+    bar::choice(ui, form, Choice::new("Range of time", &text, [72.0, 112.0]), |ui| {
         ui.selectable_value(span, Span::All, "All");
         for s in [5.0, 10.0, 30.0, 60.0, 300.0] {
             ui.selectable_value(span, Span::Last(s), format!("Last {s} s"));
         }
     });
     let _ = frame;
-    combo.response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Range of time"));
 }
 
 /// The color of a curve.

@@ -15,7 +15,7 @@ use crate::prepare;
 use crate::view::{Hover, HoverPoint, SavedState, View, ViewContext};
 use camera::{Camera, project, unproject};
 use egui::{Align2, Color32, FontId, Rect, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
-use ocu_ui::bar::{self, Bar, Fit, Form};
+use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::legend::round_step;
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, legend, tokens, widgets};
@@ -167,9 +167,7 @@ impl Scene {
     }
 
     fn frame_choice(&mut self, ui: &mut Ui, form: Form, frame: &Frame, scene: &str) {
-        let width = if form == Form::Short { 72.0 } else { 160.0 };
-        let combo = egui::ComboBox::from_id_salt("scene frame").selected_text(scene).width(width).truncate();
-        let combo = combo.show_ui(ui, |ui| {
+        bar::choice(ui, form, Choice::new("Frame of the scene", scene, [72.0, 160.0]), |ui| {
             for name in map::frames(frame) {
                 if ui.selectable_label(name == scene, &name).clicked() {
                     self.saved.frame = Some(name);
@@ -177,7 +175,6 @@ impl Scene {
                 }
             }
         });
-        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the scene"));
     }
 
     /// Looks at everything again.

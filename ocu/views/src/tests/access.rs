@@ -8,7 +8,7 @@ use egui::accesskit::{NodeId, Role};
 use egui::epaint::{ClippedShape, TextShape};
 use egui::{Color32, Key, Pos2, Rect, Shape, Theme, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::NodeT as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use rcs_runtime::source::Frame;
 use std::collections::BTreeMap;
 
@@ -85,6 +85,38 @@ fn every_widget_of_every_view_is_reached_with_the_tab_key() {
         }
         assert!(left.is_empty(), "{}: not reached with Tab: {left:?}", view_type.kind);
     }
+}
+
+/// The names of all lists to choose from, and the number of all widgets.
+fn lists(harness: &Harness<'_, Shown>) -> (Vec<String>, usize) {
+    let root = harness.root();
+    let nodes: Vec<_> = root.children_recursive().map(|node| node.accesskit_node()).collect();
+    let lists = nodes.iter().filter(|node| node.role() == Role::ComboBox);
+    (lists.map(|node| node.label().unwrap_or_default()).collect(), nodes.len())
+}
+
+#[test]
+fn every_list_that_moved_into_the_menu_of_its_bar_opens_there() {
+    let mut opened = Vec::new();
+    for view_type in all() {
+        let mut harness =
+            harness(Shown::new(view_type.kind, samples::full()), Vec2::new(150.0, 700.0), Theme::Dark);
+        harness.run();
+        let (in_bar, _) = lists(&harness);
+        let Some(more) = harness.query_by_label("More of this bar") else { continue };
+        more.click();
+        harness.run();
+        let (with_menu, widgets) = lists(&harness);
+        for name in with_menu.iter().filter(|name| !in_bar.contains(name)) {
+            harness.get_by_label(name).click();
+            harness.run();
+            let (after, more_widgets) = lists(&harness);
+            assert!(after.contains(name), "{}: {name} closes the menu", view_type.kind);
+            assert!(more_widgets > widgets, "{}: {name} shows nothing", view_type.kind);
+            opened.push(name.clone());
+        }
+    }
+    assert!(opened.iter().any(|name| name == "Frame of the map"), "{opened:?}");
 }
 
 /// What is behind a text: a colour, or a picture of any colours.

@@ -10,7 +10,7 @@ use crate::view::{Preview, SavedState, View, ViewContext, Wish};
 use controls::Row;
 use draft::Draft;
 use egui::{RichText, Role, ScrollArea, Ui, WidgetInfo};
-use ocu_ui::bar::{self, Bar, Fit, Form};
+use ocu_ui::bar::{self, Bar, Choice, Fit};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::params::ParamSpec;
 use rcs_msg::{AnyMessage, rcs};
@@ -136,9 +136,7 @@ impl Tuning {
     fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, shown: &rcs::ProcessInfo) {
         let mut bar: Bar<'_, Saved> = Bar::new("toolbar");
         bar.left("process", Fit::Stays, |ui, form, saved| {
-            let width = if form == Form::Short { 72.0 } else { 128.0 };
-            let combo = egui::ComboBox::from_id_salt("process").selected_text(&shown.name).width(width);
-            let combo = combo.truncate().show_ui(ui, |ui| {
+            bar::choice(ui, form, Choice::new("Process", &shown.name, [72.0, 128.0]), |ui| {
                 for info in tunable(frame) {
                     let label = ui.selectable_label(info.name == shown.name, &info.name);
                     if widgets::help_beside(label, &info.summary).clicked() {
@@ -146,7 +144,6 @@ impl Tuning {
                     }
                 }
             });
-            combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Process"));
         });
         bar.left("at once", Fit::Leaves(10), |ui, form, saved| {
             let help = "At once: each change goes out when its control is let go";
