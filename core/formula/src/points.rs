@@ -28,6 +28,9 @@ pub struct Points {
     pub names: Names,
     /// Whether the times are frequencies.
     pub over: Over,
+    /// The whole number at each time, where a field has numbers that are too large for `values` to hold exactly (from
+    /// 2^53); otherwise empty.
+    pub whole: Arc<[Option<i128>]>,
 }
 
 impl Points {
@@ -65,19 +68,24 @@ impl Points {
         self.names.get(&(value as i64)).filter(|_| value.is_finite())
     }
 
+    /// The exact value at an index, where [`Points::whole`] has it.
+    pub fn whole_at(&self, index: usize) -> Option<i128> {
+        self.whole.get(index).copied().flatten()
+    }
+
     /// The same times with other values.
     #[must_use]
     pub fn with(&self, values: Vec<f64>) -> Self {
         debug_assert_eq!(self.len(), values.len());
         let stamps = Arc::clone(&self.stamps);
-        Self { stamps, values: values.into(), names: Names::default(), over: self.over }
+        Self { over: self.over, ..Self::new(stamps, values) }
     }
 
     /// These values as truth: 0 is `false`, all others `true`.
     #[must_use]
     pub fn as_truth(self) -> Self {
         let names = [(0, "false".into()), (1, "true".into())];
-        Self { names: Arc::new(names.into()), ..self }
+        Self { names: Arc::new(names.into()), whole: Arc::default(), ..self }
     }
 
     /// The values at other times: interpolated linearly, or for states the last one; NaN outside of the known times.

@@ -213,6 +213,18 @@ impl TransformTree {
         Ok(target_chain.iter().chain(&source_chain).filter_map(newest).min())
     }
 
+    /// As [`TransformTree::lookup`]; where there are no data at that time, at the nearest time with data: the oldest or the
+    /// newest for which the path between the frames is complete.
+    pub fn lookup_nearest(&self, target: &str, source: &str, time_ns: u64) -> Result<Pose, TransformError> {
+        let (target_chain, source_chain) = self.chains(target, source)?;
+        let links = target_chain.iter().chain(&source_chain);
+        let (mut oldest, mut newest) = (0, u64::MAX);
+        for (first, last) in links.filter_map(|(_, link)| link.span()) {
+            (oldest, newest) = (oldest.max(first), newest.min(last));
+        }
+        self.lookup(target, source, time_ns.max(oldest).min(newest))
+    }
+
     /// Whether it has no transform.
     pub fn is_empty(&self) -> bool {
         self.links.is_empty()

@@ -51,6 +51,23 @@ fn static_way_below_a_timed_edge_is_valid_at_all_times() {
 }
 
 #[test]
+fn outside_of_the_data_the_nearer_end_is_used() {
+    let tree = tree();
+    for (asked, used) in [(0, 1000), (999, 1000), (1200, 1200), (2001, 2000), (u64::MAX, 2000)] {
+        let expected = tree.lookup("local", "left", used).unwrap();
+        assert_eq!(tree.lookup_nearest("local", "left", asked), Ok(expected), "{asked}");
+    }
+    // One sample above restricts the way to its time.
+    assert_eq!(tree.lookup_nearest("global", "left", 1900), tree.lookup("global", "left", 1500));
+    assert_eq!(tree.lookup_nearest("left", "right", 0), tree.lookup("left", "right", 7));
+    assert!(matches!(tree.lookup_nearest("moon", "left", 0), Err(TransformError::UnknownFrame { .. })));
+    let mut apart = TransformTree::new();
+    apart.insert("a", "b", 0, translated(1.0)).unwrap();
+    apart.insert("b", "c", 9, translated(1.0)).unwrap();
+    assert!(matches!(apart.lookup_nearest("a", "c", 5), Err(TransformError::OutsideData { .. })));
+}
+
+#[test]
 fn errors_say_what_is_missing() {
     let tree = tree();
     let error = |target, source, time| tree.lookup(target, source, time).unwrap_err().to_string();

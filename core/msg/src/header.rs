@@ -7,7 +7,8 @@ use crate::time::Stamp;
 use crate::value::Value;
 use prost_types::Timestamp;
 
-/// Acquisition time of a message: its `timestamp`, or that of its ROS 2 header; for transforms that of the first one.
+/// Acquisition time of a message: its `timestamp`, that of its ROS 2 header, or its `stamp`; for transforms that of the
+/// first one.
 /// `None` if it has none.
 pub fn header_stamp(message: &AnyMessage) -> Option<Stamp> {
     if let Some(timestamp) = typed(message, |known| known.timestamp) {
@@ -42,7 +43,8 @@ impl Value {
     pub fn header_stamp(&self) -> Option<Stamp> {
         let own = |value: &Value| {
             let stamp = value.field("timestamp").or_else(|| value.field("header")?.field("stamp"));
-            stamp?.as_stamp()
+            // Messages without a header, such as ROS 2's lines of a log.
+            stamp.or_else(|| value.field("stamp"))?.as_stamp()
         };
         own(self).or_else(|| own(&*self.field("transforms")?.item(0)?))
     }

@@ -1,16 +1,13 @@
 //! Decodes image and depth messages, for views and plugins.
 
+mod compressed;
+
 use crate::any::AnyMessage;
 use crate::foxglove::{CompressedImage, RawImage};
-use crate::guard::guarded;
-use ::image::{ColorType, DynamicImage, ImageReader, Limits};
-use bytes::Bytes;
-use std::io::Cursor;
+pub use compressed::{compressed_to_rgb8, decompress};
 
 /// Images with more pixels than this are refused: no camera makes them, but a damaged header may claim them.
 const MAX_PIXELS: u64 = 1 << 27;
-/// Greatest width and height of a compressed image.
-const MAX_SIDE: u32 = 32_768;
 
 /// An image: rows from the top, three bytes per pixel, no padding.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,10 +44,14 @@ pub enum ImageError {
     /// The compressed data do not decode.
     #[error("compressed image does not decode: {0}")]
     Compressed(String),
+    /// The data are part of a stream of video.
+    #[error("got format {0:?}, which is video; only single images are decoded")]
+    Video(String),
 }
 
-const ENCODINGS: &str = "rgb8, bgr8, rgba8, bgra8, mono8, 8UC1, 8UC3, mono16, 16UC1, 32FC1, bayer_rggb8, \
-    bayer_bggr8, bayer_gbrg8, bayer_grbg8, uyvy, yuv422, yuyv, yuv422_yuy2";
+const ENCODINGS: &str = "rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, rgba16, bgra16, mono8, 8UC1, 8UC3, 8UC4, mono16, \
+    16UC1, 32FC1, 64FC1, 32SC1, bayer_rggb8, bayer_bggr8, bayer_gbrg8, bayer_grbg8, bayer_rggb16, bayer_bggr16, \
+    bayer_gbrg16, bayer_grbg16, uyvy, yuv422, yuyv, yuv422_yuy2, nv12, nv21";
 
 /// The image of a raw or compressed image message; `None` for a message of another type.
 pub fn to_rgb8(message: &AnyMessage) -> Option<Result<RgbImage, ImageError>> {
@@ -60,8 +61,9 @@ pub fn to_rgb8(message: &AnyMessage) -> Option<Result<RgbImage, ImageError>> {
     message.get::<CompressedImage>().map(compressed_to_rgb8)
 }
 
-/// Converts a raw image to RGB. Depth (16UC1, 32FC1) is stretched from black (nearest) to white (farthest); pixels
-/// without a range are black.
+/// Converts a raw image to RGB. Of channels with 16 bits the high byte is taken. Depth (16UC1, 32FC1, 64FC1) is
+/// stretched from black (nearest) to white (farthest), and pixels without a range are black. Whole numbers of 32 bits
+/// (32SC1) are stretched, too.
 pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
     let format = Format::of(&image.encoding)
         .ok_or_else(|| ImageError::Encoding { got: image.encoding.clone(), expected: ENCODINGS })?;
@@ -72,78 +74,42 @@ pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
         Format::Bgr => rows.pixels::<3>(|[b, g, r]| data.extend([r, g, b])),
         Format::Rgba => rows.pixels::<4>(|[r, g, b, _]| data.extend([r, g, b])),
         Format::Bgra => rows.pixels::<4>(|[b, g, r, _]| data.extend([r, g, b])),
+        Format::Rgb16 => rows.pixels::<6>(|[_, r, _, g, _, b]| data.extend([r, g, b])),
+        Format::Bgr16 => rows.pixels::<6>(|[_, b, _, g, _, r]| data.extend([r, g, b])),
+        Format::Rgba16 => rows.pixels::<8>(|[_, r, _, g, _, b, ..]| data.extend([r, g, b])),
+        Format::Bgra16 => rows.pixels::<8>(|[_, b, _, g, _, r, ..]| data.extend([r, g, b])),
         Format::Mono8 => rows.pixels::<1>(|[v]| data.extend([v; 3])),
         Format::Mono16 => rows.pixels::<2>(|[_, high]| data.extend([high; 3])),
         Format::Depth16 => stretch(rows.depth16(1.0), &mut data),
         Format::Depth32 => stretch(rows.depth32(), &mut data),
-        Format::Uyvy => rows.pixels::<4>(|[u, y0, v, y1]| yuv_pair([y0, y1], u, v, &mut data)),
-        Format::Yuyv => rows.pixels::<4>(|[y0, u, y1, v]| yuv_pair([y0, y1], u, v, &mut data)),
+        Format::Depth64 => stretch(rows.depth64(), &mut data),
+        Format::Int32 => stretch(rows.int32(), &mut data),
+        Format::Uyvy => rows.pixels::<4>(|[u, y0, v, y1]| yuv_pixels(&[y0, y1], u, v, &mut data)),
+        Format::Yuyv => rows.pixels::<4>(|[y0, u, y1, v]| yuv_pixels(&[y0, y1], u, v, &mut data)),
+        Format::Nv12 => nv(&rows, [0, 1], &mut data)?,
+        Format::Nv21 => nv(&rows, [1, 0], &mut data)?,
         Format::Bayer(red) => bayer(&rows, red, &mut data),
+        Format::Bayer16(red) => {
+            let (width, height) = (rows.width, rows.height);
+            let high = rows.high_bytes();
+            bayer(&Rows { data: &high, width, height, step: width, row: width }, red, &mut data);
+        }
     }
     Ok(RgbImage { width: image.width, height: image.height, data })
 }
 
-/// Decodes a JPEG or PNG.
-pub fn compressed_to_rgb8(image: &CompressedImage) -> Result<RgbImage, ImageError> {
-    let decoded = decode(&image.data)?;
-    if decoded.color() == ColorType::L16 {
-        return raw_to_rgb8(&raw(image, decoded)?);
-    }
-    let (width, height) = (decoded.width(), decoded.height());
-    Ok(RgbImage { width, height, data: decoded.into_rgb8().into_raw() })
-}
-
-/// A JPEG or PNG as a raw image: `mono8`, `16UC1` (16-bit grey, which is depth) or `rgb8`.
-pub fn decompress(image: &CompressedImage) -> Result<RawImage, ImageError> {
-    raw(image, decode(&image.data)?)
-}
-
 /// Range of each pixel in metres, rows from the top. Integers (16UC1, mono16) are multiples of `scale_m`, which is
-/// 0.001 for ROS's millimetres; floats (32FC1) are metres.
+/// 0.001 for ROS's millimetres; floats (32FC1, 64FC1) are metres.
 /// Pixels without a range (0, NaN, infinite, negative) are NaN.
 pub fn depth_m(image: &RawImage, scale_m: f32) -> Result<Vec<f32>, ImageError> {
     match Format::of(&image.encoding) {
         Some(Format::Mono16 | Format::Depth16) => Ok(Rows::new(image, 2)?.depth16(scale_m)),
         Some(Format::Depth32) => Ok(Rows::new(image, 4)?.depth32()),
-        _ => Err(ImageError::Encoding { got: image.encoding.clone(), expected: "16UC1, mono16, 32FC1" }),
+        Some(Format::Depth64) => Ok(Rows::new(image, 8)?.depth64()),
+        _ => {
+            Err(ImageError::Encoding { got: image.encoding.clone(), expected: "16UC1, mono16, 32FC1, 64FC1" })
+        }
     }
-}
-
-fn decode(data: &Bytes) -> Result<DynamicImage, ImageError> {
-    let failed = |error: String| ImageError::Compressed(error);
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    limits.max_alloc = Some(MAX_PIXELS * 8);
-    // The format is detected from the data, because format names in messages vary.
-    let mut reader = ImageReader::new(Cursor::new(data))
-        .with_guessed_format()
-        .map_err(|error| failed(error.to_string()))?;
-    reader.limits(limits);
-    guarded(|| reader.decode().map_err(|error| error.to_string())).and_then(|image| image).map_err(failed)
-}
-
-fn raw(source: &CompressedImage, image: DynamicImage) -> Result<RawImage, ImageError> {
-    let (width, height) = (image.width(), image.height());
-    let (encoding, channels, data): (_, u32, Vec<u8>) = match image {
-        DynamicImage::ImageLuma8(grey) => ("mono8", 1, grey.into_raw()),
-        DynamicImage::ImageLuma16(grey) => ("16UC1", 2, grey.iter().flat_map(|v| v.to_le_bytes()).collect()),
-        other => ("rgb8", 3, other.into_rgb8().into_raw()),
-    };
-    let step = width.checked_mul(channels).ok_or(ImageError::Size {
-        what: "width, at most",
-        got: width.into(),
-        expected: MAX_SIDE.into(),
-    })?;
-    Ok(RawImage {
-        timestamp: source.timestamp,
-        frame_id: source.frame_id.clone(),
-        width,
-        height,
-        encoding: encoding.to_owned(),
-        step,
-        data: data.into(),
-    })
 }
 
 /// Memory layout of pixels.
@@ -153,14 +119,24 @@ enum Format {
     Bgr,
     Rgba,
     Bgra,
+    Rgb16,
+    Bgr16,
+    Rgba16,
+    Bgra16,
     Mono8,
     Mono16,
     Depth16,
     Depth32,
+    Depth64,
+    Int32,
     Uyvy,
     Yuyv,
+    Nv12,
+    Nv21,
     /// Column and row of the red pixel in each 2×2 block; the blue pixel is diagonally opposite.
     Bayer([usize; 2]),
+    /// The same with two bytes per pixel.
+    Bayer16([usize; 2]),
 }
 
 impl Format {
@@ -170,28 +146,42 @@ impl Format {
             // OpenCV's channel order, which ROS assumes for types without a name.
             "bgr8" | "8UC3" => Self::Bgr,
             "rgba8" => Self::Rgba,
-            "bgra8" => Self::Bgra,
+            "bgra8" | "8UC4" => Self::Bgra,
+            "rgb16" => Self::Rgb16,
+            "bgr16" | "16UC3" => Self::Bgr16,
+            "rgba16" => Self::Rgba16,
+            "bgra16" | "16UC4" => Self::Bgra16,
             "mono8" | "8UC1" => Self::Mono8,
             "mono16" => Self::Mono16,
             "16UC1" => Self::Depth16,
             "32FC1" => Self::Depth32,
+            "64FC1" => Self::Depth64,
+            "32SC1" => Self::Int32,
             "uyvy" | "yuv422" => Self::Uyvy,
             "yuyv" | "yuv422_yuy2" => Self::Yuyv,
+            "nv12" => Self::Nv12,
+            "nv21" => Self::Nv21,
             "bayer_rggb8" => Self::Bayer([0, 0]),
             "bayer_grbg8" => Self::Bayer([1, 0]),
             "bayer_gbrg8" => Self::Bayer([0, 1]),
             "bayer_bggr8" => Self::Bayer([1, 1]),
+            "bayer_rggb16" => Self::Bayer16([0, 0]),
+            "bayer_grbg16" => Self::Bayer16([1, 0]),
+            "bayer_gbrg16" => Self::Bayer16([0, 1]),
+            "bayer_bggr16" => Self::Bayer16([1, 1]),
             _ => return None,
         })
     }
 
-    /// Bytes per pixel.
+    /// Bytes per pixel of a row; the colours of NV12 and NV21 are in rows of their own.
     fn bytes(self) -> usize {
         match self {
+            Self::Rgba16 | Self::Bgra16 | Self::Depth64 => 8,
+            Self::Rgb16 | Self::Bgr16 => 6,
+            Self::Rgba | Self::Bgra | Self::Depth32 | Self::Int32 => 4,
             Self::Rgb | Self::Bgr => 3,
-            Self::Rgba | Self::Bgra | Self::Depth32 => 4,
-            Self::Mono16 | Self::Depth16 | Self::Uyvy | Self::Yuyv => 2,
-            Self::Mono8 | Self::Bayer(_) => 1,
+            Self::Mono16 | Self::Depth16 | Self::Uyvy | Self::Yuyv | Self::Bayer16(_) => 2,
+            Self::Mono8 | Self::Nv12 | Self::Nv21 | Self::Bayer(_) => 1,
         }
     }
 }
@@ -260,6 +250,28 @@ impl<'a> Rows<'a> {
         depth
     }
 
+    /// The high bytes of pixels of 16 bits.
+    fn high_bytes(&self) -> Vec<u8> {
+        let mut high = Vec::with_capacity(self.width * self.height);
+        self.pixels::<2>(|[_, byte]| high.push(byte));
+        high
+    }
+
+    fn int32(&self) -> Vec<f32> {
+        let mut values = Vec::with_capacity(self.width * self.height);
+        self.pixels(|bytes| values.push(i32::from_le_bytes(bytes) as f32));
+        values
+    }
+
+    fn depth64(&self) -> Vec<f32> {
+        let mut depth = Vec::with_capacity(self.width * self.height);
+        self.pixels(|bytes| {
+            let value = f64::from_le_bytes(bytes) as f32;
+            depth.push(if value > 0.0 && value.is_finite() { value } else { f32::NAN });
+        });
+        depth
+    }
+
     fn depth32(&self) -> Vec<f32> {
         let mut depth = Vec::with_capacity(self.width * self.height);
         self.pixels(|bytes| {
@@ -277,14 +289,38 @@ fn stretch(depth: Vec<f32>, out: &mut Vec<u8>) {
     out.extend(depth.into_iter().flat_map(|d| [(1.0 + 254.0 * ((d - near) / span)) as u8; 3]));
 }
 
-/// Two pixels with common chrominance: BT.601, video range (16 to 235).
-fn yuv_pair(luma: [u8; 2], u: u8, v: u8, out: &mut Vec<u8>) {
+/// Pixels with common chrominance: BT.601, video range (16 to 235).
+fn yuv_pixels(luma: &[u8], u: u8, v: u8, out: &mut Vec<u8>) {
     let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
     for y in luma {
-        let y = 298 * (i32::from(y) - 16).max(0);
+        let y = 298 * (i32::from(*y) - 16).max(0);
         let channel = |value: i32| ((value + 128) >> 8).clamp(0, 255) as u8;
         out.extend([channel(y + 409 * v), channel(y - 100 * u - 208 * v), channel(y + 516 * u)]);
     }
+}
+
+/// Rows of luminance, then half as many of chrominance: a pair of bytes for each 2×2 pixels, in which U and V have the
+/// given places.
+fn nv(rows: &Rows<'_>, [u, v]: [usize; 2], out: &mut Vec<u8>) -> Result<(), ImageError> {
+    let size = |what, got: usize, expected: usize| {
+        Err(ImageError::Size { what, got: got as u64, expected: expected as u64 })
+    };
+    let row = rows.width.next_multiple_of(2);
+    if rows.step < row {
+        return size("bytes per row", rows.step, row);
+    }
+    let start = rows.step * rows.height;
+    let whole = start + rows.step * (rows.height.div_ceil(2) - 1) + row;
+    if rows.data.len() < whole {
+        return size("bytes of the image", rows.data.len(), whole);
+    }
+    for (y, luma) in rows.each().enumerate() {
+        let pairs = &rows.data[start + y / 2 * rows.step..][..row];
+        for (luma, pair) in luma.chunks(2).zip(pairs.as_chunks::<2>().0) {
+            yuv_pixels(luma, pair[u], pair[v], out);
+        }
+    }
+    Ok(())
 }
 
 /// Bilinear demosaicing: each channel is the mean of the pixels of its colour in the 3×3 neighbourhood.
@@ -318,6 +354,7 @@ fn bayer(rows: &Rows<'_>, red: [usize; 2], out: &mut Vec<u8>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bytes::Bytes;
 
     fn raw_image(encoding: &str, width: u32, height: u32, step: u32, data: &[u8]) -> RawImage {
         let data = Bytes::copy_from_slice(data);
@@ -335,9 +372,15 @@ mod tests {
         check("bgr8", 1, 3, &[3, 2, 1], &[1, 2, 3]);
         check("rgba8", 1, 4, &[1, 2, 3, 4], &[1, 2, 3]);
         check("bgra8", 1, 4, &[3, 2, 1, 4], &[1, 2, 3]);
+        check("8UC4", 1, 4, &[3, 2, 1, 4], &[1, 2, 3]);
+        check("rgb16", 1, 6, &[9, 1, 9, 2, 9, 3], &[1, 2, 3]);
+        check("bgr16", 1, 6, &[9, 3, 9, 2, 9, 1], &[1, 2, 3]);
+        check("rgba16", 1, 8, &[9, 1, 9, 2, 9, 3, 9, 4], &[1, 2, 3]);
+        check("bgra16", 1, 8, &[9, 3, 9, 2, 9, 1, 9, 4], &[1, 2, 3]);
         check("mono8", 2, 2, &[7, 9], &[7, 7, 7, 9, 9, 9]);
         check("mono16", 1, 2, &[0x34, 0x12], &[0x12; 3]);
         check("16UC1", 3, 6, &[0, 0, 100, 0, 200, 0], &[0, 0, 0, 1, 1, 1, 255, 255, 255]);
+        check("32SC1", 2, 8, &[0xff, 0xff, 0xff, 0xff, 1, 0, 0, 0], &[1, 1, 1, 255, 255, 255]);
         check("uyvy", 2, 4, &[128, 16, 128, 235], &[0, 0, 0, 255, 255, 255]);
         check("yuyv", 2, 4, &[81, 90, 81, 240], &[255, 0, 0, 255, 0, 0]);
     }
@@ -346,6 +389,22 @@ mod tests {
     fn rows_may_be_padded_and_the_last_may_end_early() {
         let image = raw_image("mono8", 2, 2, 3, &[1, 2, 0, 3, 4]);
         assert_eq!(raw_to_rgb8(&image).expect("it fits").data, [1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4]);
+    }
+
+    #[test]
+    fn nv12_and_nv21_have_one_pair_of_colours_for_four_pixels() {
+        // 3×2 pixels in rows of 4 bytes; the second pair of colours is that of the last column.
+        let luma = [81, 81, 16, 0, 81, 81, 235, 0];
+        let expect: Vec<u8> =
+            [[255, 0, 0, 255, 0, 0, 0, 0, 0], [255, 0, 0, 255, 0, 0, 255, 255, 255]].concat();
+        for (encoding, colours) in [("nv12", [90, 240, 128, 128]), ("nv21", [240, 90, 128, 128])] {
+            let data = [&luma[..], &colours].concat();
+            let image = raw_image(encoding, 3, 2, 4, &data);
+            assert_eq!(raw_to_rgb8(&image).expect(encoding).data, expect, "{encoding}");
+            let error = raw_to_rgb8(&raw_image(encoding, 3, 2, 4, &data[..11])).expect_err("it is cut off");
+            assert_eq!(error.to_string(), "bytes of the image: got 11, expected 12");
+            raw_to_rgb8(&raw_image(encoding, 3, 2, 3, &data)).expect_err("a pair does not fit its row");
+        }
     }
 
     #[test]
@@ -361,6 +420,9 @@ mod tests {
             let data: Vec<u8> = (0..24).map(|i| colour(i % 6, i / 6)).collect();
             let rgb = raw_to_rgb8(&raw_image(encoding, 6, 4, 6, &data)).expect(encoding);
             assert!(rgb.data.chunks(3).all(|pixel| pixel == [200, 100, 50]), "{encoding}: {:?}", rgb.data);
+            let wide = encoding.replace('8', "16");
+            let data: Vec<u8> = data.into_iter().flat_map(|high| [7, high]).collect();
+            assert_eq!(raw_to_rgb8(&raw_image(&wide, 6, 4, 12, &data)).expect(encoding), rgb, "{wide}");
         }
     }
 
@@ -388,19 +450,8 @@ mod tests {
         let bytes: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
         let depth = depth_m(&raw_image("32FC1", 4, 1, 16, &bytes), 0.001).expect("it is depth");
         assert!(depth[0] == 1.5 && depth[1..].iter().all(|d| d.is_nan()));
-    }
-
-    #[test]
-    fn a_png_of_16_bits_is_depth_and_of_8_a_image() {
-        let grey = ::image::ImageBuffer::<::image::Luma<u16>, _>::from_raw(2, 1, vec![256u16, 512])
-            .expect("it fits");
-        let mut png = Cursor::new(Vec::new());
-        grey.write_to(&mut png, ::image::ImageFormat::Png).expect("it encodes");
-        let image = CompressedImage { data: png.into_inner().into(), ..CompressedImage::default() };
-        let raw = decompress(&image).expect("it decodes");
-        assert_eq!(depth_m(&raw, 1.0 / 256.0).expect("it is depth"), [1.0, 2.0]);
-        assert_eq!(compressed_to_rgb8(&image).expect("it decodes").data, [1, 1, 1, 255, 255, 255]);
-        let broken = CompressedImage { data: image.data.slice(..20), ..CompressedImage::default() };
-        compressed_to_rgb8(&broken).expect_err("it is cut off");
+        let bytes: Vec<u8> = numbers.iter().flat_map(|v| f64::from(*v).to_le_bytes()).collect();
+        let depth = depth_m(&raw_image("64FC1", 4, 1, 32, &bytes), 0.001).expect("it is depth");
+        assert!(depth[0] == 1.5 && depth[1..].iter().all(|d| d.is_nan()));
     }
 }

@@ -60,6 +60,24 @@ impl Schema {
         &self.definition.data
     }
 
+    /// Whether messages of both are read in the same way: they have the same name and encoding, and, where the definition
+    /// decides where a field lies, the same layout. Protobuf's fields are found by their numbers and those of JSON by
+    /// their names, so other fields beside them do not matter.
+    pub fn reads_like(&self, other: &Self) -> bool {
+        let (a, b) = (&self.definition, &other.definition);
+        if (&a.name, &a.message_encoding) != (&b.name, &b.message_encoding) {
+            return false;
+        }
+        a.data == b.data
+            || match (self.reader(), other.reader()) {
+                (Ok(Reader::Cdr(a)), Ok(Reader::Cdr(b))) => a == b,
+                (Ok(Reader::Protobuf(_)), Ok(Reader::Protobuf(_))) | (Ok(Reader::Json), Ok(Reader::Json)) => {
+                    true
+                }
+                _ => false,
+            }
+    }
+
     /// Whether messages of this schema can be read; the error says why not.
     pub fn decodable(&self) -> Result<(), DecodeError> {
         self.reader().map(|_| ())
@@ -91,5 +109,29 @@ impl Schema {
 
     pub(crate) fn malformed(&self, reason: impl Into<String>) -> DecodeError {
         DecodeError::Malformed { schema: self.name().to_owned(), reason: reason.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_definition_is_like_another_one_with_other_comments_and_not_like_one_with_other_fields() {
+        let schema = |name: &str, text: &str| {
+            let data = Bytes::copy_from_slice(text.as_bytes());
+            Schema::new(name, MessageEncoding::Cdr, "ros2msg", data)
+        };
+        let number = schema("std_msgs/msg/Float64", "float64 data\n");
+        assert!(number.reads_like(&number));
+        assert!(
+            number.reads_like(&schema("std_msgs/msg/Float64", "# A number.\nfloat64 data  # of any kind\n"))
+        );
+        assert!(!number.reads_like(&schema("std_msgs/msg/Float64", "float32 data\n")));
+        assert!(!number.reads_like(&schema("example/msg/Float64", "float64 data\n")));
+        let json = |text: &'static str| {
+            Schema::new("Any", MessageEncoding::Json, "jsonschema", Bytes::from_static(text.as_bytes()))
+        };
+        assert!(json("{}").reads_like(&json("{\"type\": \"object\"}")));
     }
 }

@@ -164,6 +164,9 @@ fn a_cloud_shares_its_points_unless_rows_are_padded_or_numbers_big_endian() {
             points(cloud).expect("it is valid").iter().map(|p| p.position.to_array()).collect();
         assert_eq!(positions, vec![[1.0, 2.0, 3.0]; count]);
     }
+    // A step of 0 is that of rows without padding.
+    let message = convert("sensor_msgs/msg/PointCloud2", &cloud(false, 2, 0, &little.repeat(2)));
+    assert_eq!(message.get::<foxglove::PointCloud>().expect("it is a cloud").data, little.repeat(2));
     let bytes = cloud(false, 1, 12, &little);
     let message = convert("sensor_msgs/msg/PointCloud2", &bytes);
     let data = &message.get::<foxglove::PointCloud>().expect("it is a cloud").data;
@@ -172,6 +175,71 @@ fn a_cloud_shares_its_points_unless_rows_are_padded_or_numbers_big_endian() {
     let error = canonical(&named("sensor_msgs/msg/PointCloud2"), &short).expect("it is known");
     let error = error.expect_err("a row is missing").to_string();
     assert!(error.contains("got 12, expected 24"), "{error}");
+}
+
+/// A scan from `first_rad` on, with ranges from 0.5 m to `farthest_m`.
+fn scan(big_endian: bool, angles_rad: [f32; 2], farthest_m: f32, lists: [&[f32]; 2]) -> Bytes {
+    let mut writer = Writer::new(big_endian);
+    writer.header();
+    let [first_rad, step_rad] = angles_rad;
+    for number in [first_rad, 0.0, step_rad, 0.0, 0.0, 0.5, farthest_m] {
+        writer.fixed(number.to_le_bytes());
+    }
+    for list in lists {
+        writer.u32(list.len() as u32);
+        for number in list {
+            writer.fixed(number.to_le_bytes());
+        }
+    }
+    writer.done()
+}
+
+/// Positions in whole millimetres, and intensities.
+fn returns(message: &AnyMessage) -> Vec<([f64; 3], Option<f32>)> {
+    let cloud = message.get::<foxglove::PointCloud>().expect("it is a cloud");
+    let points = points(cloud).expect("it is valid");
+    points.iter().map(|p| (p.position.to_array().map(|m| (m * 1e3).round()), p.intensity)).collect()
+}
+
+#[test]
+fn a_scan_becomes_the_points_of_its_returns() {
+    // A scanner that turns clockwise, from the left to ahead and on.
+    let turn = std::f32::consts::FRAC_PI_2;
+    let ranges = [2.0, 3.0, f32::NAN, f32::INFINITY, 0.4, 11.0];
+    for big_endian in [false, true] {
+        let bytes = scan(big_endian, [turn, -turn], 10.0, [&ranges, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]);
+        let message = convert("sensor_msgs/msg/LaserScan", &bytes);
+        let expect = [([0.0, 2000.0, 0.0], Some(1.0)), ([3000.0, 0.0, 0.0], Some(2.0))];
+        assert_eq!(returns(&message), expect);
+        assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(5_000_000_007));
+        assert_eq!(header_frame(&message).as_deref(), Some("map"));
+    }
+    // Without intensities, and with limits that are not set.
+    let bytes = scan(false, [0.0, turn], 0.0, [&[0.25, 0.0, 11.0], &[]]);
+    let expect = [([250.0, 0.0, 0.0], None), ([-11_000.0, 0.0, 0.0], None)];
+    assert_eq!(returns(&convert("sensor_msgs/msg/LaserScan", &bytes)), expect);
+    let empty = convert("sensor_msgs/msg/LaserScan", &scan(false, [0.0, turn], 10.0, [&[], &[]]));
+    assert!(returns(&empty).is_empty());
+}
+
+#[test]
+fn a_scan_of_foxglove_in_a_log_becomes_a_cloud_and_one_of_a_stack_stays() {
+    let scan = foxglove::LaserScan {
+        frame_id: "laser".to_owned(),
+        end_angle: std::f64::consts::PI,
+        ranges: vec![1.0, 2.0, f64::NAN],
+        ..foxglove::LaserScan::default()
+    };
+    let message = AnyMessage::new(scan);
+    let own = message.schema();
+    let stays = canonical(&own, &message.bytes()).expect("it is known").expect("it decodes");
+    assert!(stays.holds::<foxglove::LaserScan>());
+    assert_eq!(canonical_name(&own), Some("foxglove.LaserScan"));
+    let logged = Schema::new(own.name(), MessageEncoding::Protobuf, "protobuf", own.data().clone());
+    let cloud = canonical(&logged, &message.bytes()).expect("it is known").expect("it converts");
+    assert_eq!(canonical_name(&logged), Some("foxglove.PointCloud"));
+    assert_eq!(returns(&cloud), [([1000.0, 0.0, 0.0], None), ([0.0, 2000.0, 0.0], None)]);
+    assert_eq!(header_frame(&cloud).as_deref(), Some("laser"));
 }
 
 #[test]
@@ -221,6 +289,23 @@ fn poses_paths_and_transforms_keep_their_frames() {
     let message = convert("nav_msgs/msg/Path", &bytes);
     assert_eq!(message.get::<foxglove::PosesInFrame>().expect("it is a path").poses.len(), 2);
 
+    let mut writer = Writer::new(false);
+    let bytes = writer.u32(5).u32(7).text("").u32(2).header().floats(&pose).header().floats(&pose).done();
+    let message = convert("nav_msgs/msg/Path", &bytes);
+    assert_eq!(header_frame(&message).as_deref(), Some("map"), "the frame is that of the first pose");
+
+    let bytes = Writer::new(false).header().u32(2).floats(&pose).floats(&pose).done();
+    let message = convert("geometry_msgs/msg/PoseArray", &bytes);
+    let poses = message.get::<foxglove::PosesInFrame>().expect("they are poses");
+    assert_eq!((poses.frame_id.as_str(), poses.poses.len()), ("map", 2));
+
+    let bytes = Writer::new(false).header().floats(&pose).floats(&[0.1; 36]).done();
+    let message = convert("geometry_msgs/msg/PoseWithCovarianceStamped", &bytes);
+    let odometry = message.get::<foxglove::Odometry>().expect("it is odometry");
+    assert_eq!((odometry.frame_id.as_str(), odometry.body_frame_id.as_str()), ("map", ""));
+    assert_eq!(odometry.pose.and_then(|pose| pose.position).map(|p| p.z), Some(3.0));
+    assert_eq!((odometry.pose_covariance.len(), odometry.linear_velocity), (36, None));
+
     let bytes = Writer::new(false).u32(1).header().text("base").floats(&pose).done();
     let message = convert("tf2_msgs/msg/TFMessage", &bytes);
     let transform = &message.get::<foxglove::FrameTransforms>().expect("it is transforms").transforms[0];
@@ -239,6 +324,68 @@ fn occupancy_becomes_cost_and_minus_one_unknown() {
     assert_eq!((grid.column_count, grid.row_stride, grid.cell_stride), (3, 3, 1));
     assert_eq!(grid.cell_size, Some(foxglove::Vector2 { x: 0.5, y: 0.5 }));
     assert_eq!(grid.fields[0].name, "cost");
+}
+
+#[test]
+fn lines_of_a_log_keep_their_levels() {
+    use foxglove::log::Level;
+    for (number, expect) in [
+        (0, Level::Unknown),
+        (10, Level::Debug),
+        (20, Level::Info),
+        (30, Level::Warning),
+        (40, Level::Error),
+        (50, Level::Fatal),
+    ] {
+        let mut writer = Writer::new(false);
+        writer.u32(5).u32(7).u8(number).text("planner").text("no path");
+        let bytes = writer.text("a.cpp").text("run").u32(12).done();
+        let message = convert("rcl_interfaces/msg/Log", &bytes);
+        let log = message.get::<foxglove::Log>().expect("it is a line");
+        assert_eq!(log.level(), expect);
+        assert_eq!((log.name.as_str(), log.message.as_str()), ("planner", "no path"));
+        assert_eq!((log.file.as_str(), log.line), ("a.cpp", 12));
+        assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(5_000_000_007));
+    }
+}
+
+#[test]
+fn definitions_of_ros_2_are_those_that_the_conversions_expect() {
+    const HEADER: &str = "\n===\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n===\n\
+        MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+    const POSE: &str = "===\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n===\n\
+        MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n===\n\
+        MSG: geometry_msgs/Quaternion\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n";
+    let scan = "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n\
+        float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\nfloat32[] ranges\n\
+        float32[] intensities";
+    let log = "byte DEBUG=10\nbyte FATAL=50\nbuiltin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\n\
+        string file\nstring function\nuint32 line";
+    let stamped = "===\nMSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n";
+    for (name, text, expect) in [
+        ("sensor_msgs/msg/LaserScan", format!("{scan}{HEADER}"), "foxglove.PointCloud"),
+        ("rcl_interfaces/msg/Log", format!("{log}{HEADER}"), "foxglove.Log"),
+        (
+            "geometry_msgs/msg/PoseArray",
+            format!("std_msgs/Header header\nPose[] poses{HEADER}{POSE}"),
+            "foxglove.PosesInFrame",
+        ),
+        (
+            "geometry_msgs/msg/PoseWithCovarianceStamped",
+            format!("std_msgs/Header header\nPoseWithCovariance pose{HEADER}{stamped}{POSE}"),
+            "foxglove.Odometry",
+        ),
+    ] {
+        assert_eq!(canonical_name(&schema(name, &text)), Some(expect), "{name}");
+    }
+    // As it is stored, too, a line of a log has the time of its own stamp.
+    let mut writer = Writer::new(false);
+    writer.u32(5).u32(7).u8(20).text("a").text("b").text("c").text("d");
+    let line = AnyMessage::encoded(
+        schema("rcl_interfaces/msg/Log", &format!("{log}{HEADER}")),
+        writer.u32(1).done(),
+    );
+    assert_eq!(header_stamp(&line).map(|stamp| stamp.0), Some(5_000_000_007));
 }
 
 #[test]
@@ -338,7 +485,7 @@ fn lengths_that_the_message_cannot_hold_reserve_nothing() {
         let bytes = Bytes::from_static(&[0, 1, 0, 0, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4]);
         schema.value(&bytes).expect_err("it is too long");
     }
-    for name in ["Image", "PointCloud2", "CameraInfo", "CompressedImage"] {
+    for name in ["Image", "PointCloud2", "CameraInfo", "CompressedImage", "LaserScan"] {
         let bytes = Bytes::from(vec![0xff; 64]);
         canonical(&named(&format!("sensor_msgs/msg/{name}")), &bytes)
             .expect("it is known")
@@ -383,7 +530,10 @@ proptest! {
         for path in [".parts[1].q[1]", ".pair[1].p", ".names[1].@length"] {
             let _ = FieldScanner::new(&schema, &path.parse().expect("a path")).expect("it is a number").scan(&data);
         }
-        for name in ["sensor_msgs/Image", "sensor_msgs/PointCloud2", "nav_msgs/Path", "nav_msgs/OccupancyGrid"] {
+        for name in [
+            "sensor_msgs/Image", "sensor_msgs/PointCloud2", "sensor_msgs/LaserScan", "nav_msgs/Path",
+            "nav_msgs/OccupancyGrid", "geometry_msgs/PoseArray", "rcl_interfaces/Log",
+        ] {
             let _ = canonical(&named(name), &data);
         }
     }

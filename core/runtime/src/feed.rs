@@ -1,13 +1,13 @@
 //! Feeds the messages of a log into a stack: converted to canonical types, in the order of the log.
 
-use crate::conversion::{COMPRESSED, RAW, canonical};
+use crate::conversion::{COMPRESSED, RAW, acquisition_time, canonical};
 use crate::error::RunError;
 use crate::history::LogRef;
 use crate::machine::Machine;
 use rcs_bus::{Draft, Header, Writer, WriterId};
 use rcs_log::{Cursor, CursorOptions, Gap, Log, LogMessage, Position, Reassembly, TopicId};
 use rcs_msg::foxglove::CompressedImage;
-use rcs_msg::{AnyMessage, Stamp, header_stamp};
+use rcs_msg::{AnyMessage, Stamp};
 use std::collections::BTreeMap;
 
 /// Reads the topics of a stack's inputs and writes their messages into its buffers.
@@ -134,10 +134,8 @@ impl Feed {
                 topic.schema.name()
             )));
         };
-        // The acquisition time is the sensor's own stamp or, without one, the publish time.
-        let acq_time = header_stamp(&message_out)
-            .filter(|stamp| stamp.0 != 0)
-            .unwrap_or(if message.publish_time.0 == 0 { message.log_time } else { message.publish_time });
+        // A stamp of exactly 0 counts as none; `acquisition_time` says why.
+        let acq_time = acquisition_time(&message_out, message.publish_time, message.log_time);
         for (writer, decoded) in self.writers.get(&id).into_iter().flatten() {
             let before = writer.buffer().latest().filter(|_| !is_fixed);
             check_time(before.map(|sample| sample.header), acq_time, at)

@@ -111,6 +111,7 @@ pub use children::{Child, ChildDef, ChildReport, ChildState, Children, Owner};
 pub use command::support as commands;
 pub use command::{BUILT_IN, CommandDef, CommandSet, NoCommands, Obeys, Order};
 pub use compare::{Difference, diff};
+pub use conversion::{acquisition_time, states_acquisition};
 pub use cycle::{Cycle, Msg};
 pub use error::RunError;
 pub use files::{FileTable, NamedFile};

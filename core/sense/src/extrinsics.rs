@@ -1,6 +1,7 @@
 //! Poses of vehicle and sensor at a time, as the parameters of a process define them.
 
 use crate::localizer::{FrameNames, Localizer, LocalizerError};
+use crate::sensor_time::SensorTime;
 use rcs_geom::{CameraError, DVec3, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::CameraCalibration;
@@ -73,7 +74,11 @@ impl<'a> Extrinsics<'a> {
     }
 
     /// Pose of the vehicle in the local frame at a time.
-    pub fn local_from_vehicle(&self, localizer: &Localizer, time: Stamp) -> Result<Pose, LocalizerError> {
+    pub fn local_from_vehicle(
+        &self,
+        localizer: &Localizer,
+        time: impl Into<SensorTime>,
+    ) -> Result<Pose, LocalizerError> {
         if self.fixed_pose {
             return Ok(Pose::IDENTITY);
         }
@@ -86,7 +91,7 @@ impl<'a> Extrinsics<'a> {
         localizer: &Localizer,
         frame_id: &str,
         axes: Axes,
-        time: Stamp,
+        time: impl Into<SensorTime>,
     ) -> Result<Pose, LocalizerError> {
         match (self.vehicle_from_mount, axes) {
             (Some(mount), Axes::Optical) => Ok(mount * Pose::body_from_optical()),
@@ -97,7 +102,13 @@ impl<'a> Extrinsics<'a> {
 
     /// Mean speed (m/s) and turn rate (rad/s) over the `window_s` before a time; `None` if poses do not reach back that
     /// far.
-    pub fn motion(&self, localizer: &Localizer, time: Stamp, window_s: f64) -> Option<[f64; 2]> {
+    pub fn motion(
+        &self,
+        localizer: &Localizer,
+        time: impl Into<SensorTime>,
+        window_s: f64,
+    ) -> Option<[f64; 2]> {
+        let time = localizer.time_of_pose(self.frames, time.into());
         let before = Stamp(time.0.checked_sub((window_s * 1e9) as u64)?);
         let now = self.local_from_vehicle(localizer, time).ok()?;
         let then = self.local_from_vehicle(localizer, before).ok()?;

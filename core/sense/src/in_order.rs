@@ -28,8 +28,10 @@ pub struct Repeats {
 }
 
 impl Repeats {
-    /// Takes the time in a message. Returns whether it is that of the message before; without one, nothing is known.
+    /// Takes the time in a message. Returns whether it is that of the message before; without one, nothing is known. A time
+    /// of 0 counts as none, as in the feed of a log: drivers that state no time leave it so.
     pub fn take(&mut self, stated: Option<Stamp>) -> bool {
+        let stated = stated.filter(|time| time.0 != 0);
         let repeats = stated.is_some() && stated == self.last;
         self.last = stated;
         repeats
@@ -46,6 +48,13 @@ mod tests {
         let times = [Some(1), Some(1), Some(2), Some(1), None, None, Some(1)];
         let told = times.map(|time| repeats.take(time.map(Stamp)));
         assert_eq!(told, [false, true, false, false, false, false, false]);
+    }
+
+    #[test]
+    fn messages_that_leave_their_time_at_0_state_none_and_repeat_nothing() {
+        let mut repeats = Repeats::default();
+        let times = [0, 0, 0, 7, 0, 7].map(|time| repeats.take(Some(Stamp(time))));
+        assert_eq!(times, [false; 6]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //!   transforms).
 //! - [`Extrinsics`]: poses of vehicle and sensor at a time, as the parameter messages `rcs.VehiclePose` and `rcs.Mount`
 //!   define them.
+//! - [`SensorTime`]: when a sensor measured, where its clock may be ahead.
 //! - [`ImageCheck`]: whether an image is usable: its size, its exposure, and that the camera is not frozen.
 //! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
 //! - [`worth`], [`PlaneNoise`]: how much a vote counts.
@@ -42,6 +43,7 @@ mod origin;
 mod plausible;
 mod pose_ports;
 mod sample;
+mod sensor_time;
 mod standing;
 mod worth;
 
@@ -58,6 +60,7 @@ pub use origin::Origin;
 pub use plausible::{FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2};
 pub use pose_ports::PosePorts;
 pub use sample::{Rgb, SAMPLE_PX, Sample, SampleError};
+pub use sensor_time::SensorTime;
 pub use standing::{Standing, is_obstacle, plane_height};
 pub use worth::{PlaneNoise, worth};
 

@@ -1,5 +1,6 @@
 //! The pose of the vehicle, from whatever a stack wires: odometry, a pose stream, transforms.
 
+use crate::sensor_time::SensorTime;
 use rcs_geom::{Pose, PoseError, TransformError, TransformTree};
 use rcs_msg::{Stamp, foxglove};
 use serde::{Deserialize, Serialize};
@@ -142,14 +143,22 @@ impl Localizer {
         self.tree.is_empty()
     }
 
+    /// The time of a sensor by the clock of the vehicle's poses.
+    pub(crate) fn time_of_pose(&self, names: FrameNames<'_>, time: SensorTime) -> Stamp {
+        let source = if self.tree.contains(STREAM) { STREAM } else { names.vehicle };
+        let newest = self.tree.newest(names.local, source).ok().flatten();
+        time.by_clock_of(newest.map(Stamp))
+    }
+
     /// Pose of the vehicle in the local frame at a time. If that is later than the newest pose, the newest one is used,
     /// provided that it is not older than `max_age_s`.
     pub fn local_from_vehicle(
         &self,
         names: FrameNames<'_>,
-        time: Stamp,
+        time: impl Into<SensorTime>,
         max_age_s: f64,
     ) -> Result<Pose, LocalizerError> {
+        let time: SensorTime = time.into();
         if !self.tree.contains(STREAM) {
             return self.lookup(names.local, names.vehicle, time, max_age_s);
         }
@@ -166,14 +175,16 @@ impl Localizer {
         &self,
         target: &str,
         source: &str,
-        time: Stamp,
+        time: impl Into<SensorTime>,
         max_age_s: f64,
     ) -> Result<Pose, LocalizerError> {
         if target == source {
             return Ok(Pose::IDENTITY);
         }
-        let Some(newest) = self.tree.newest(target, source)?.map(Stamp).filter(|&newest| newest < time)
-        else {
+        let newest = self.tree.newest(target, source)?.map(Stamp);
+        let time: SensorTime = time.into();
+        let time = time.by_clock_of(newest);
+        let Some(newest) = newest.filter(|&newest| newest < time) else {
             return Ok(self.tree.lookup(target, source, time.0)?);
         };
         let age_s = time.seconds_since(newest);
@@ -299,6 +310,24 @@ mod tests {
         assert!((pose.translation.x - 1.5).abs() < 1e-9, "{pose:?}");
         let late = localizer.local_from_vehicle(NAMES, ms(50_000), 0.5);
         assert!(matches!(late, Err(LocalizerError::Stale { .. })), "{late:?}");
+    }
+
+    #[test]
+    fn a_sensor_whose_clock_is_ahead_was_where_the_vehicle_was_by_the_clock_of_the_poses() {
+        let ms = |ms: u64| Stamp(ms * 1_000_000);
+        let x_m = |poses_ahead_ms: u64, acquired_ms: u64| {
+            let mut localizer = Localizer::default();
+            for (x_m, at_ms) in [(1.0, 1_000), (2.0, 1_100)] {
+                localizer.add_pose(&pose_at(x_m, "map"), ms(at_ms + poses_ahead_ms), ms(at_ms)).unwrap();
+            }
+            let names = FrameNames { pose: "", ..NAMES };
+            let time = SensorTime { acquired: ms(acquired_ms), arrived: ms(1_050) };
+            localizer.local_from_vehicle(names, time, 0.5).unwrap().translation.x
+        };
+        for (poses_ahead_ms, acquired_ms) in [(0, 1_050), (0, 29_050), (28_000, 29_050)] {
+            let x_m = x_m(poses_ahead_ms, acquired_ms);
+            assert!((x_m - 1.5).abs() < 1e-9, "{poses_ahead_ms} {acquired_ms}: {x_m}");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::{Ended, stacks, usage};
 use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_formula::{FieldRef, Formula, Over, Points};
-use rcs_runtime::source::{FieldSeries, read_fields};
+use rcs_runtime::source::{FieldSeries, exact_points, read_fields};
 use std::io::Write;
 
 /// Writes the table named on the command line.
@@ -41,9 +41,14 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     }
     let mut columns: Vec<(String, Points)> = Vec::new();
     for (formula, text) in formulas.iter().zip(&args.fields) {
-        let of = |field: &FieldRef| series.iter().find(|series| series.field == *field).map(FieldSeries::all);
-        let inputs: Vec<Points> = formula.fields().iter().filter_map(of).collect();
-        let points = formula.eval(&inputs).map_err(|error| usage(format!("{error}")))?;
+        let of = |field: &FieldRef| series.iter().find(|series| series.field == *field);
+        let points = if let Some(alone) = formula.as_field().and_then(of) {
+            exact_points(&log, alone, &times)
+        } else {
+            let inputs: Vec<Points> =
+                formula.fields().iter().filter_map(|field| of(field).map(FieldSeries::all)).collect();
+            formula.eval(&inputs).map_err(|error| usage(format!("{error}")))?
+        };
         if points.over == Over::Frequency {
             return Err(usage(format!("{text} is over frequency; expected a formula over time")));
         }
@@ -59,6 +64,11 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     output::write(&args.output, &bytes, args.force)?;
     for (name, points) in &columns {
         writeln!(out, "{name}: {} values", format::count(points.len() as u64))?;
+    }
+    for series in &series {
+        if let Some(problem) = &series.problem {
+            writeln!(out, "{}: {problem}", series.field)?;
+        }
     }
     // Includes damage found while reading.
     for problem in log.problems() {

@@ -1,7 +1,8 @@
 //! `ocu latency`: how old messages are when they become visible.
 //!
-//! The age of a message is its `log_time` less its `publish_time`, which is when what it tells of was sensed. A hop is
-//! from a process's input to its output: messages belong together that tell of the same moment.
+//! The age of a message is its `log_time` less the time at which what it tells of was sensed: its `publish_time` where this
+//! program has recorded it, else its own stamp, if it has one. A hop is from a process's input to its output: messages
+//! belong together that tell of the same moment.
 //!
 //! A buffer with several writers does not say which of them wrote a message. Each process publishes what it wrote, and
 //! then its status, at one time: the writer is the one whose status comes next.
@@ -11,7 +12,8 @@ use crate::cli::LatencyArgs;
 use crate::table::{Align, Table};
 use anyhow::Context as _;
 use rcs_log::{CursorOptions, Log, LogMessage, LogTopic, TopicId};
-use rcs_msg::{AnyMessage, rcs, schema_of};
+use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
+use rcs_runtime::{acquisition_time, states_acquisition};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -132,7 +134,7 @@ impl Ages {
     }
 
     fn take(&mut self, topic: &LogTopic, message: &LogMessage) {
-        let (log_ns, acq_ns) = (message.log_time.0, message.publish_time.0);
+        let log_ns = message.log_time.0;
         if let Some(process) = self.statuses.get(&topic.name).cloned() {
             self.settle(Some((&process, log_ns)));
             return;
@@ -142,6 +144,7 @@ impl Ages {
         if buffer.starts_with("/runtime/") || self.is_control(&buffer) {
             return;
         }
+        let acq_ns = acquired(topic, message).0;
         if self.waiting.first().is_some_and(|waiting| waiting.log_ns != log_ns) {
             self.settle(None);
         }
@@ -215,6 +218,15 @@ impl Ages {
         };
         Report { buffers: self.buffers.iter().map(buffer).collect() }
     }
+}
+
+/// When what a message tells was sensed.
+fn acquired(topic: &LogTopic, message: &LogMessage) -> Stamp {
+    if states_acquisition(&topic.metadata) {
+        return message.publish_time;
+    }
+    let stored = AnyMessage::encoded(topic.schema.clone(), message.data.clone());
+    acquisition_time(&stored, message.publish_time, message.log_time)
 }
 
 /// Time from one stamp to another; the nearest one that fits where they are too far apart.

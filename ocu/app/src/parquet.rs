@@ -1,5 +1,6 @@
 //! Several series as one table in the format Parquet, with the same rows and columns as the table of text
-//! ([`rcs_formula::csv`]). Numbers are doubles, states and texts are strings by name, and what is missing is null.
+//! ([`rcs_formula::csv`]). Numbers are doubles, whole numbers that are too large for doubles are integers of 64 bits,
+//! states and texts are strings by name, and what is missing is null.
 
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
@@ -30,7 +31,7 @@ pub(crate) fn parquet(
     rows(&points, times, |stamp, row| {
         table.stamps.push(stamp);
         for (cells, value) in table.cells.iter_mut().zip(row) {
-            cells.push(value.filter(|value| !value.is_nan()));
+            cells.push(*value);
         }
         if table.stamps.len() == ROWS && failed.is_none() {
             failed = table.flush(&mut writer, &points, start).err();
@@ -51,24 +52,55 @@ fn schema(columns: &[(String, &Points)]) -> Result<Arc<Type>> {
         field("time_ns", Physical::INT64, None, Repetition::REQUIRED)?,
     ];
     for (name, points) in columns {
-        let (physical, logical) = if has_names(points) {
-            (Physical::BYTE_ARRAY, Some(LogicalType::String))
-        } else {
-            (Physical::DOUBLE, None)
+        let integer = |is_signed| Some(LogicalType::Integer { bit_width: 64, is_signed });
+        let (physical, logical) = match Kind::of(points) {
+            Kind::Name => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            Kind::Number => (Physical::DOUBLE, None),
+            Kind::Signed => (Physical::INT64, integer(true)),
+            Kind::Unsigned => (Physical::INT64, integer(false)),
         };
         fields.push(field(name, physical, logical, Repetition::OPTIONAL)?);
     }
     Ok(Arc::new(Type::group_type_builder("fields").with_fields(fields).build()?))
 }
 
-fn has_names(points: &Points) -> bool {
-    !points.names.is_empty()
+/// What a column contains.
+enum Kind {
+    /// States and texts by name.
+    Name,
+    /// Doubles.
+    Number,
+    /// Whole numbers of 64 bits with a sign.
+    Signed,
+    /// Whole numbers of 64 bits, some of them greater than those with a sign.
+    Unsigned,
+}
+
+impl Kind {
+    fn of(points: &Points) -> Self {
+        let all = |fits: fn(i128) -> bool| {
+            let fits = |(index, value): (usize, &f64)| points.whole_at(index).map_or(value.is_nan(), fits);
+            points.values.iter().enumerate().all(fits)
+        };
+        if points.are_states() {
+            Self::Name
+        } else if points.whole.is_empty() {
+            Self::Number
+        } else if all(|whole| i64::try_from(whole).is_ok()) {
+            Self::Signed
+        } else if all(|whole| u64::try_from(whole).is_ok()) {
+            Self::Unsigned
+        } else {
+            Self::Number
+        }
+    }
 }
 
 /// The rows of the row group that is being filled.
 struct Table {
     stamps: Vec<Stamp>,
-    cells: Vec<Vec<Option<f64>>>,
+    /// By column, the index of the value in each row.
+    cells: Vec<Vec<Option<usize>>>,
 }
 
 impl Table {
@@ -85,16 +117,29 @@ impl Table {
         let nanos: Vec<i64> = self.stamps.iter().map(|stamp| stamp.0 as i64).collect();
         write::<Int64Type, _>(&mut group, &nanos, None)?;
         for (points, cells) in columns.iter().zip(&mut self.cells) {
+            let is_present = |index: &usize| !points.values[*index].is_nan();
+            let cells: Vec<Option<usize>> = cells.drain(..).map(|cell| cell.filter(is_present)).collect();
             let present: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
-            let values = cells.drain(..).flatten();
-            if has_names(points) {
-                let name = |value| points.name(value).map_or_else(|| value.to_string(), ToString::to_string);
-                let names: Vec<ByteArray> =
-                    values.map(|value| ByteArray::from(name(value).into_bytes())).collect();
-                write::<ByteArrayType, _>(&mut group, &names, Some(&present))?;
-            } else {
-                let values: Vec<f64> = values.collect();
-                write::<DoubleType, _>(&mut group, &values, Some(&present))?;
+            let indices = cells.into_iter().flatten();
+            match Kind::of(points) {
+                Kind::Name => {
+                    let name =
+                        |value| points.name(value).map_or_else(|| value.to_string(), ToString::to_string);
+                    let names: Vec<ByteArray> = indices
+                        .map(|index| ByteArray::from(name(points.values[index]).into_bytes()))
+                        .collect();
+                    write::<ByteArrayType, _>(&mut group, &names, Some(&present))?;
+                }
+                Kind::Number => {
+                    let values: Vec<f64> = indices.map(|index| points.values[index]).collect();
+                    write::<DoubleType, _>(&mut group, &values, Some(&present))?;
+                }
+                // The bits of an integer without a sign are stored as those of one with a sign.
+                Kind::Signed | Kind::Unsigned => {
+                    let whole = |index| points.whole_at(index).unwrap_or_default() as i64;
+                    let values: Vec<i64> = indices.map(whole).collect();
+                    write::<Int64Type, _>(&mut group, &values, Some(&present))?;
+                }
             }
         }
         self.stamps.clear();
@@ -146,6 +191,36 @@ mod tests {
         assert_eq!(cells(2), row(2_000_000_000, Field::Null, Field::Null));
         assert_eq!(cells(3), row(2_500_000_000, Field::Null, text("DONE")));
         assert_eq!(read.len(), 4);
+    }
+
+    #[test]
+    fn whole_numbers_that_a_double_cannot_hold_are_integers() {
+        let column = |whole: [Option<i128>; 3]| {
+            let value = |index: usize| whole[index].map_or(f64::NAN, |whole| whole as f64);
+            let seconds = [(0.0, value(0)), (1.0, value(1)), (2.0, value(2))];
+            Points { whole: Arc::from(whole), ..Points::from_seconds(&seconds) }
+        };
+        let signed = column([Some(-(1 << 60) - 1), None, Some(3)]);
+        let unsigned = column([Some((1 << 63) + 1), Some(0), None]);
+        let neither = column([Some((1 << 63) + 1), Some(-1), None]);
+        let columns =
+            [("/a.n", &signed), ("/b.n", &unsigned), ("/c.n", &neither)].map(|(n, c)| (n.to_owned(), c));
+        let bytes = parquet(&columns, &(Stamp(0)..=Stamp(9_000_000_000)), Stamp(0)).unwrap();
+        let reader = SerializedFileReader::new(bytes::Bytes::from(bytes)).unwrap();
+        let read: Vec<Vec<Field>> = reader
+            .get_row_iter(None)
+            .unwrap()
+            .map(|row| row.unwrap().get_column_iter().skip(2).map(|(_, field)| field.clone()).collect())
+            .collect();
+        let double = |value: i128| Field::Double(value as f64);
+        assert_eq!(
+            read,
+            [
+                vec![Field::Long(-(1 << 60) - 1), Field::ULong((1 << 63) + 1), double(1 << 63)],
+                vec![Field::Null, Field::ULong(0), double(-1)],
+                vec![Field::Long(3), Field::Null, Field::Null],
+            ]
+        );
     }
 
     #[test]

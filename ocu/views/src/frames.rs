@@ -132,17 +132,18 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &Row<'_>, wide: bool) {
     if let Some(cell) = cells[2] {
         let age = match time {
             None => "static".to_owned(),
-            Some(time) => format::age(frame.now.seconds_since(time).max(0.0)),
+            Some(time) => format::age(frame.transform_time(frame.now).seconds_since(time).max(0.0)),
         };
         widgets::cell(ui, cell, Align::Max, &age, mono, tokens.text);
     }
 }
 
-/// Pose of a frame in its parent at the viewed time, or the newest before it; and its time, `None` for a static one.
+/// Pose of a frame in its parent at the viewed time, or the newest before it; and its time by the clock of the transforms,
+/// `None` for a static one. `None` before the first transform: this view shows no pose that is not known yet.
 fn pose(frame: &Frame, parent: &str, child: &str) -> Option<(Pose, Option<Stamp>)> {
-    let tree = &frame.transforms;
+    let (tree, now) = (&frame.transforms, frame.transform_time(frame.now));
     let newest = tree.newest(parent, child).ok()?;
-    let at = newest.map_or(frame.now.0, |newest| newest.min(frame.now.0));
+    let at = newest.map_or(now.0, |newest| newest.min(now.0));
     let pose = tree.lookup(parent, child, at).ok()?;
     Some((pose, newest.map(|_| Stamp(at))))
 }

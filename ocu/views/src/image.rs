@@ -54,9 +54,14 @@ pub(crate) fn decode(message: &AnyMessage) -> Result<DecodedImage, String> {
     image(&raw, compressed.format.clone()).map_err(|error| error.to_string())
 }
 
-fn image(raw: &RawImage, encoding: String) -> Result<DecodedImage, ImageError> {
+fn image(raw: &RawImage, mut encoding: String) -> Result<DecodedImage, ImageError> {
     let pixels = match raw.encoding.as_str() {
-        "16UC1" | "32FC1" => {
+        "mono16" => {
+            let (greys, white) = grey16(raw)?;
+            encoding = format!("{encoding}, white {white}");
+            Pixels::Color(greys)
+        }
+        "16UC1" | "32FC1" | "64FC1" => {
             Pixels::Values { values: image::depth_m(raw, 1.0)?, whole: raw.encoding == "16UC1" }
         }
         "mono8" | "8UC1" => Pixels::Bytes(image::raw_to_rgb8(raw)?.data.into_iter().step_by(3).collect()),
@@ -66,6 +71,17 @@ fn image(raw: &RawImage, encoding: String) -> Result<DecodedImage, ImageError> {
         }
     };
     Ok(DecodedImage { width: raw.width as usize, height: raw.height as usize, pixels, encoding })
+}
+
+/// Grey levels of a `mono16` image, and the value that is white. Cameras of 10 to 14 bits leave the upper bits empty, so
+/// white is the largest value of the image rounded up to a power of two: brightness seldom changes between images.
+fn grey16(raw: &RawImage) -> Result<(Vec<Color32>, u32), ImageError> {
+    // A value of 0 is read as NaN, which the casts take to 0.
+    let values = image::depth_m(raw, 1.0)?;
+    let largest = values.iter().copied().fold(0.0, f32::max);
+    let levels = (largest as u32 + 1).next_power_of_two().max(256);
+    let grey = |value: f32| Color32::from_gray((value * 256.0 / levels as f32) as u8);
+    Ok((values.into_iter().map(grey).collect(), levels - 1))
 }
 
 impl DecodedImage {
@@ -152,6 +168,21 @@ mod tests {
         assert_eq!(depth.pixels, Pixels::Values { values: vec![256.0, 258.0], whole: true });
         assert_eq!(depth.value_range(), Some([256.0, 256.0]));
         assert_eq!(depth.implausible(), 0);
+    }
+
+    #[test]
+    fn the_grey_levels_of_16_bits_use_the_bits_that_the_camera_has() {
+        let shown = |values: [u16; 3]| {
+            let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+            let image = decoded("mono16", 3, 1, &bytes).unwrap();
+            let Pixels::Color(colors) = image.pixels else { panic!("no colours") };
+            (colors.iter().map(Color32::r).collect::<Vec<_>>(), image.encoding)
+        };
+        assert_eq!(shown([0, 2048, 4095]), (vec![0, 128, 255], "mono16, white 4095".to_owned()));
+        // With all bits, the upper byte is shown.
+        assert_eq!(shown([255, 256, 65535]).0, [0, 1, 255]);
+        // A dark image stays dark.
+        assert_eq!(shown([0, 1, 9]).0, [0, 1, 9]);
     }
 
     #[test]

@@ -19,8 +19,8 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, ImageCheck, ImageFault, InOrder, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of,
-    model_to_delete, read_calibration, upright,
+    Axes, ImageCheck, ImageFault, InOrder, Localizer, LocalizerError, OnItsSide, PosePorts, SensorTime,
+    camera_of, model_to_delete, read_calibration, upright,
 };
 use rcs_world::GridView;
 use serde::{Deserialize, Serialize};
@@ -209,9 +209,10 @@ impl ColorModelLearner {
         let rgb = self.check.check(image, Some(size), params.image_check.as_ref())?;
         let size = size.map(|side| side as usize);
         let pixels = Image::new(size, 3 * size[0], &rgb)?;
-        let local_from_vehicle = self.vehicle(time, params)?;
+        let taken = SensorTime::of(image);
+        let local_from_vehicle = self.vehicle(taken, params)?;
         let vehicle_from_camera =
-            extrinsics(params).vehicle_from_sensor(&self.localizer, &image.frame_id, Axes::Optical, time)?;
+            extrinsics(params).vehicle_from_sensor(&self.localizer, &image.frame_id, Axes::Optical, taken)?;
         let rays = self.rays.get_or_insert_with(|| Arc::new(rays(&camera))).clone();
 
         let rectangle = rectangle(params);
@@ -224,7 +225,7 @@ impl ColorModelLearner {
             rectangle: &rectangle,
             spans: &spans,
         };
-        let off = self.off(&view, time, ports, params, cx);
+        let off = self.off(&view, taken, ports, params, cx);
         let samples = Samples {
             ground: &spans,
             frame_id: &image.frame_id,
@@ -247,7 +248,7 @@ impl ColorModelLearner {
             tilt_noise_rad: params.tilt_noise_deg.to_radians(),
         };
         cx.write(&ports.sample, time, annotation(&outline, time));
-        let map = recent_map(time, ports, params, cx);
+        let map = recent_map(taken, ports, params, cx);
         let map = map.as_ref().and_then(|map| view_of(map, params).ok());
         let screens = map.as_ref().and_then(Screens::of);
         let cells = send_costs(&seen, &place, screens.as_ref(), image, ports, params, cx);
@@ -289,8 +290,8 @@ impl ColorModelLearner {
         Ok(())
     }
 
-    fn vehicle(&self, time: Stamp, params: &ColorModelsParams) -> Result<Pose, Unusable> {
-        let pose = extrinsics(params).local_from_vehicle(&self.localizer, time)?;
+    fn vehicle(&self, taken: SensorTime, params: &ColorModelsParams) -> Result<Pose, Unusable> {
+        let pose = extrinsics(params).local_from_vehicle(&self.localizer, taken)?;
         upright(&pose)?;
         Ok(pose)
     }
@@ -300,16 +301,16 @@ impl ColorModelLearner {
     fn off(
         &mut self,
         view: &SampleView<'_>,
-        time: Stamp,
+        taken: SensorTime,
         ports: &Ports,
         params: &ColorModelsParams,
         cx: &mut Cycle<'_>,
     ) -> Option<ColorLearning> {
-        let motion = self.odometer.take(time, view.local_from_vehicle);
+        let motion = self.odometer.take(taken.acquired, view.local_from_vehicle);
         if !self.learns {
             return Some(ColorLearning::ColorOffCommand);
         }
-        match obstacle_ahead(view, time, ports, params, cx) {
+        match obstacle_ahead(view, taken, ports, params, cx) {
             Ok(false) => {}
             Ok(true) => return Some(ColorLearning::ColorOffObstacle),
             Err(fault) => {
@@ -335,23 +336,25 @@ impl ColorModelLearner {
 /// Whether a sufficiently recent map has an obstacle in the sample.
 fn obstacle_ahead(
     view: &SampleView<'_>,
-    time: Stamp,
+    taken: SensorTime,
     ports: &Ports,
     params: &ColorModelsParams,
     cx: &mut Cycle<'_>,
 ) -> Result<bool, String> {
-    let Some(map) = recent_map(time, ports, params, cx) else { return Ok(false) };
+    let Some(map) = recent_map(taken, ports, params, cx) else { return Ok(false) };
     Ok(obstacle_in_sample(&view_of(&map, params)?, view))
 }
 
-/// The newest map, unless it is too old.
+/// The newest map, unless it is too old for an image. Both count as no newer than their arrival, because clocks may be ahead.
 fn recent_map(
-    time: Stamp,
+    taken: SensorTime,
     ports: &Ports,
     params: &ColorModelsParams,
     cx: &mut Cycle<'_>,
 ) -> Option<Msg<Grid>> {
-    cx.latest(&ports.map).filter(|map| time.seconds_since(map.acq_time()).abs() <= params.map_max_age_s)
+    let time = taken.on_arrival();
+    let apart_s = |map: &Msg<Grid>| time.seconds_since(map.acq_time_on_arrival()).abs();
+    cx.latest(&ports.map).filter(|map| apart_s(map) <= params.map_max_age_s)
 }
 
 /// A map in the local frame.

@@ -16,7 +16,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{self, GroundSpeed, Imu, SlipReport, VisualMotion, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, Repeats, pose_message, pose_of};
+use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, Repeats, SensorTime, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.
@@ -346,10 +346,10 @@ impl Localization {
             if !distance_m.iter().all(|distance| distance.is_finite()) {
                 return Err(format!("distances are {distance_m:?} m, expected finite ones"));
             }
-            self.wheels = Some(Wheels::new(time, distance_m));
+            self.wheels = Some(Wheels::new(SensorTime::of(encoders), distance_m));
             return Ok(None);
         };
-        let Rolled { rolled_m: wheels_m, elapsed_s } = wheels.roll(time, distance_m)?;
+        let Rolled { rolled_m: wheels_m, elapsed_s } = wheels.roll(SensorTime::of(encoders), distance_m)?;
         let has_gyro = self.felt.is_some_and(|felt| time.seconds_since(felt) < params.input_timeout_s);
         if self.attitude.is_none() {
             if time.seconds_since(wheels.since) < params.input_timeout_s {

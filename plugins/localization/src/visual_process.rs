@@ -9,7 +9,9 @@ use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_msg::image::{ImageError, depth_m, raw_to_rgb8};
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, read_calibration};
+use rcs_sense::{
+    Axes, Extrinsics, Localizer, LocalizerError, PosePorts, SensorTime, camera_of, read_calibration,
+};
 use serde::{Deserialize, Serialize};
 
 /// Images that are farther apart in time show too little of the same, s.
@@ -141,9 +143,10 @@ impl VisualMotion {
         let rgb = raw_to_rgb8(image)?;
         let depth_m = depth_m(depth, params.depth_scale_m as f32)?;
         let time = depth.acq_time();
-        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
+        let taken = SensorTime::of(depth);
+        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, taken)?;
         let vehicle_from_camera =
-            extrinsics.vehicle_from_sensor(&self.localizer, &depth.frame_id, Axes::Optical, time)?;
+            extrinsics.vehicle_from_sensor(&self.localizer, &depth.frame_id, Axes::Optical, taken)?;
         let camera = Mounted::new(camera, vehicle_from_camera).ok_or(Unusable::Distorted)?;
         let grey = Grey::of(&rgb.data, rgb.width as usize, rgb.height as usize);
         let points = points(&grey, &depth_m, &camera, params.max_range_m);

@@ -1,6 +1,7 @@
 //! Distance rolled by the wheels since the last reading, and whether the vehicle stands.
 
 use rcs_msg::Stamp;
+use rcs_sense::SensorTime;
 use serde::{Deserialize, Serialize};
 
 /// Fastest plausible speed of a wheel, m/s; readings that imply more are refused.
@@ -9,12 +10,16 @@ pub const FASTEST_MPS: f64 = 20.0;
 const STANDING_M: f64 = 0.001;
 /// Time over which [`STANDING_M`] is measured, s.
 const STANDING_S: f64 = 0.5;
+/// A clock that is ahead is steady if it and that of the run measure an interval that differs by less than this, s.
+const STEADY_S: f64 = 1.0;
 
 /// The last reading of the encoders.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wheels {
-    /// When it was taken.
+    /// When it was taken, and at most when it came.
     pub time: Stamp,
+    /// When it was taken by the clock of the encoders, which may be ahead.
+    acquired: Stamp,
     /// Time of the first reading.
     pub since: Stamp,
     distance_m: [f64; 2],
@@ -34,8 +39,11 @@ pub struct Rolled {
 
 impl Wheels {
     /// The first reading. The wheels are assumed to stand until they move.
-    pub fn new(time: Stamp, distance_m: [f64; 2]) -> Wheels {
-        Wheels { time, since: time, distance_m, moved: None, moved_at_m: distance_m }
+    pub fn new(taken: impl Into<SensorTime>, distance_m: [f64; 2]) -> Wheels {
+        let taken: SensorTime = taken.into();
+        let time = taken.on_arrival();
+        let acquired = taken.acquired;
+        Wheels { time, acquired, since: time, distance_m, moved: None, moved_at_m: distance_m }
     }
 
     /// Whether the wheels have moved since the first reading.
@@ -50,16 +58,25 @@ impl Wheels {
 
     /// Takes the next reading. A jump of the counters is refused once; the next reading is compared with the new
     /// values.
-    pub fn roll(&mut self, time: Stamp, distance_m: [f64; 2]) -> Result<Rolled, String> {
+    ///
+    /// The interval between readings is that of the encoders' clock also while that is steadily ahead: by their arrival, two
+    /// readings that come together would be a jump.
+    pub fn roll(&mut self, taken: impl Into<SensorTime>, distance_m: [f64; 2]) -> Result<Rolled, String> {
         if !distance_m.iter().all(|distance| distance.is_finite()) {
             return Err(format!("distances are {distance_m:?} m, expected finite ones"));
         }
-        let elapsed_s = time.seconds_since(self.time);
+        let taken: SensorTime = taken.into();
+        let time = taken.on_arrival();
+        let by_arrival_s = time.seconds_since(self.time);
+        let by_sensor_s = taken.acquired.seconds_since(self.acquired);
+        let is_ahead = taken.acquired > time && self.acquired > self.time;
+        let is_steady = is_ahead && (by_sensor_s - by_arrival_s).abs() < STEADY_S;
+        let elapsed_s = if is_steady { by_sensor_s } else { by_arrival_s };
         if elapsed_s <= 0.0 {
             return Err(format!("reading is {:.3} s older than the one before", -elapsed_s));
         }
         let rolled_m = [distance_m[0] - self.distance_m[0], distance_m[1] - self.distance_m[1]];
-        self.time = time;
+        (self.time, self.acquired) = (time, taken.acquired);
         self.distance_m = distance_m;
         if rolled_m.iter().any(|rolled| rolled.abs() > FASTEST_MPS * elapsed_s) {
             return Err(format!("wheels rolled {rolled_m:?} m in {elapsed_s:.3} s"));
@@ -90,6 +107,21 @@ mod tests {
         assert!(wheels.roll(at(40), [5.0, 5.0]).is_err(), "250 m/s");
         let rolled = wheels.roll(at(60), [5.01, 5.01]).unwrap();
         assert!((rolled.rolled_m[0] - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn readings_of_a_clock_that_is_ahead_lose_no_way_when_they_come_together() {
+        let ahead = |ms: u64, arrived: u64| SensorTime { acquired: at(30_000 + ms), arrived: at(arrived) };
+        let mut wheels = Wheels::new(ahead(0, 0), [0.0; 2]);
+        // The second one comes late, and the third one with it.
+        for (ms, arrived, way_m) in [(20, 39, 0.1), (40, 40, 0.2), (60, 40, 0.3), (80, 80, 0.4)] {
+            let rolled = wheels.roll(ahead(ms, arrived), [way_m; 2]).unwrap();
+            assert!((rolled.rolled_m[0] - 0.1).abs() < 1e-12 && (rolled.elapsed_s - 0.02).abs() < 1e-9);
+            assert_eq!(wheels.time, at(arrived));
+        }
+        // The clock is set back to that of the run.
+        assert!((wheels.roll(at(100), [0.5; 2]).unwrap().elapsed_s - 0.02).abs() < 1e-9);
+        assert!(wheels.roll(ahead(0, 100), [0.5; 2]).is_err(), "ahead again, at the same moment");
     }
 
     #[test]

@@ -18,13 +18,13 @@ use crate::overlay::paint;
 use crate::proto::LabelOverlayParams;
 use glam::DVec3;
 use rcs_geom::{CameraError, PinholeCamera, Pose};
+use rcs_msg::PointsError;
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
-use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, pose_of, read_calibration,
+    Axes, Extrinsics, Localizer, LocalizerError, PosePorts, SensorTime, camera_of, pose_of, read_calibration,
 };
 use serde::{Deserialize, Serialize};
 
@@ -127,7 +127,8 @@ impl LabelOverlay {
         let offset = label_offset(message).ok_or(Unusable::NoLabel)?;
         let cloud = rcs_msg::points(message)?;
         let time = message.acq_time();
-        let optical_from_frame = self.optical_from_frame(extrinsics, frame_id, &message.frame_id, time)?;
+        let taken = SensorTime::of(message);
+        let optical_from_frame = self.optical_from_frame(extrinsics, frame_id, &message.frame_id, taken)?;
         let optical_from_points = match &message.pose {
             Some(pose) => optical_from_frame * pose_of(Some(pose), &message.frame_id)?,
             None => optical_from_frame,
@@ -155,7 +156,7 @@ impl LabelOverlay {
         extrinsics: Extrinsics<'_>,
         camera: &str,
         points: &str,
-        time: Stamp,
+        time: SensorTime,
     ) -> Result<Pose, LocalizerError> {
         let direct = self.localizer.lookup(camera, points, time, extrinsics.max_age_s);
         if let (None, Ok(pose)) = (extrinsics.vehicle_from_mount, direct) {

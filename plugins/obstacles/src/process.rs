@@ -19,7 +19,9 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, RawImage};
 use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, InOrder, Localizer, LocalizerError, PosePorts, camera_of, pose_of, read_calibration};
+use rcs_sense::{
+    Axes, InOrder, Localizer, LocalizerError, PosePorts, SensorTime, camera_of, pose_of, read_calibration,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -192,7 +194,7 @@ impl Obstacles {
             &message.frame_id,
             Axes::Optical,
             &Pose::IDENTITY,
-            time,
+            SensorTime::of(message),
             params,
         )?;
         let rgb = colours(message, ports, cx);
@@ -228,8 +230,9 @@ impl Obstacles {
             None => Pose::IDENTITY,
         };
         let time = message.acq_time();
+        let taken = SensorTime::of(message);
         let sensor_pose =
-            SensorPose::find(&self.localizer, &message.frame_id, Axes::Body, &origin, time, params)?;
+            SensorPose::find(&self.localizer, &message.frame_id, Axes::Body, &origin, taken, params)?;
         let turn = sensor_pose.local_from_sensor.rotation_matrix();
         let points: Vec<Option<[f32; 3]>> = cloud
             .iter()

@@ -5,8 +5,7 @@ use crate::ground_map::GROUND_CELL_M;
 use crate::params::extrinsics;
 use crate::proto::ObstaclesParams;
 use rcs_geom::{CellIndex, Pose};
-use rcs_msg::Stamp;
-use rcs_sense::{Axes, CELL_SIZE_M, Localizer, LocalizerError, OnItsSide, upright};
+use rcs_sense::{Axes, CELL_SIZE_M, Localizer, LocalizerError, OnItsSide, SensorTime, upright};
 
 /// Geometry of one frame.
 #[derive(Clone, Debug)]
@@ -36,7 +35,7 @@ impl SensorPose {
         frame_id: &str,
         axes: Axes,
         origin: &Pose,
-        time: Stamp,
+        time: SensorTime,
         params: &ObstaclesParams,
     ) -> Result<SensorPose, SensorPoseError> {
         let extrinsics = extrinsics(params);

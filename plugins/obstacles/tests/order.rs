@@ -5,8 +5,8 @@
 
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{
-    CameraCalibration, FrameTransform, FrameTransforms, Grid, PackedElementField, PointCloud, Quaternion,
-    Vector3,
+    self, CameraCalibration, FrameTransform, FrameTransforms, Grid, Odometry, PackedElementField, PointCloud,
+    Quaternion, Vector3,
 };
 use rcs_msg::rcs::Command;
 use rcs_msg::{AnyMessage, Stamp};
@@ -71,6 +71,22 @@ fn a_cloud_that_comes_twice_or_late_is_a_fault_and_one_from_the_future_does_not_
     assert_eq!(give(&mut bench, 950), (2, 2));
     assert_eq!(give(&mut bench, 3_600_000), (3, 2));
     assert_eq!(give(&mut bench, 1_000), (4, 2));
+}
+
+#[test]
+fn a_cloud_by_a_clock_that_is_ahead_is_placed_by_poses_by_the_clock_of_the_run() {
+    let stack = STACK
+        .replace("pose = { source = \"POSE_FIXED\" }", "")
+        .replace("/operator/cloud\" }", "/operator/cloud\", odometry = \"/operator/odometry\" }");
+    let mut bench = Setup::new(&stack, &[ProcessType::of::<Obstacles>()]).bench();
+    bench.advance(1_000);
+    for given in 1..=3 {
+        let orientation = Some(Quaternion { w: 1.0, ..Quaternion::default() });
+        let pose = Some(foxglove::Pose { position: Some(Vector3::default()), orientation });
+        let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+        bench.write("/operator/odometry", odometry);
+        assert_eq!(give(&mut bench, 29_000 + 100 * given), (given, 0), "{}", bench.faults("obstacles").1);
+    }
 }
 
 #[test]

@@ -5,9 +5,10 @@
 //! point, staying far away from obstacles and higher cost areas, and keeping the speed up by avoiding turns."
 //!
 //! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
-//! until its length, or until the vehicle's middle gets into a blocked cell; in a tight bend, in which it swings out by more
-//! than a quarter of a cell, its tail, too. Backward, it is followed until the tail does; in a bend, until a cell beside the
-//! tail is blocked. Along a turn on the spot the tail swings until the vehicle faces the target.
+//! until its length, or until the vehicle's middle or its nose gets into a blocked cell; in a tight bend, in which it swings
+//! out by more than a quarter of a cell, its tail, too. Backward, it is followed until the tail does; in a bend, until a cell
+//! beside the tail is blocked, or, where the bend is tight, the nose gets into a blocked cell. Along a turn on the spot tail
+//! and nose swing until the vehicle faces the target. A nose 0 m ahead of the origin of the frame is the vehicle's middle.
 //! The score of an arc is a sum of terms, and the lowest one wins:
 //!
 //! | term | what |
@@ -65,6 +66,10 @@ pub struct Rules {
     /// How far behind the origin of its frame the vehicle's tail is, which swings when it turns on the spot or drives
     /// through a tight bend, and goes ahead when it drives back, m.
     pub tail_m: f64,
+    /// How far ahead of the origin of its frame the vehicle's nose is, m.
+    pub nose_m: f64,
+    /// Whether the vehicle can turn on the spot.
+    pub turns_on_the_spot: bool,
     /// Weights of the terms.
     pub weights: Weights,
 }
@@ -131,7 +136,10 @@ pub fn list(rules: &Rules) -> Vec<Arc> {
         arcs.extend([forward(curvature), forward(-curvature)]);
     }
     let turn = |motion| Arc { motion, curvature_per_m: 0.0 };
-    arcs.extend([turn(Motion::TurnLeft), turn(Motion::TurnRight), turn(Motion::Backward)]);
+    if rules.turns_on_the_spot {
+        arcs.extend([turn(Motion::TurnLeft), turn(Motion::TurnRight)]);
+    }
+    arcs.push(turn(Motion::Backward));
     for side in [1.0, -1.0] {
         arcs.push(Arc { motion: Motion::Backward, curvature_per_m: side * 0.5 * rules.max_curvature_per_m });
     }
@@ -263,13 +271,13 @@ impl Scene<'_> {
     fn followed(&self, start: (DVec2, f64), arc: Arc, length_m: f64, rules: &Rules) -> (f64, f64) {
         let samples = (length_m / SAMPLE_M).ceil().max(1.0) as u32;
         let mut sum = 0.0;
-        // What goes ahead of the vehicle's middle: backward, its tail.
-        let ahead = |(position, yaw): (DVec2, f64)| match arc.motion {
-            Motion::Backward => tail((position, yaw), rules),
-            _ => position,
+        // What goes ahead: the nose and the middle behind it; backward, the tail.
+        let cost_ahead = |pose: (DVec2, f64)| match arc.motion {
+            Motion::Backward => self.cost(tail(pose, rules)),
+            _ => self.cost(pose.0).max(self.cost(nose(pose, rules))),
         };
         // Whether a cell that is not blocked has been reached; a blocked cell can be left, but not entered.
-        let mut is_out = self.cost(ahead(start)) != BLOCKED;
+        let mut is_out = cost_ahead(start) != BLOCKED;
         // In a tight bend ahead the tail swings out to the other side. It may follow the middle out of what that stands in.
         let is_tight = arc.motion == Motion::Forward
             && swing_m(arc.curvature_per_m, rules.tail_m) > 0.25 * self.sensed.cell_size_m;
@@ -277,9 +285,12 @@ impl Scene<'_> {
         // A bend back leads the tail over ground that was not driven over and is not seen: a cell beside it is kept free,
         // for an obstacle can be a cell larger than in the map.
         let leads = arc.motion == Motion::Backward && arc.curvature_per_m != 0.0;
+        // In a tight one the nose swings out to the other side.
+        let nose_swings =
+            leads && swing_m(arc.curvature_per_m, rules.nose_m) > 0.25 * self.sensed.cell_size_m;
         let swings_in = |pose| {
             if leads {
-                self.is_beside_tail(pose, rules)
+                self.is_beside_tail(pose, rules) || (nose_swings && self.cost(nose(pose, rules)) == BLOCKED)
             } else {
                 !follows && self.cost(tail(pose, rules)) == BLOCKED
             }
@@ -288,7 +299,7 @@ impl Scene<'_> {
         for sample in 1..=samples {
             let along_m = length_m.min(f64::from(sample) * SAMPLE_M);
             let pose = pose_at(start, arc, along_m);
-            let cost = self.cost(ahead(pose));
+            let cost = cost_ahead(pose);
             let (is_blocked, swings_in) = (cost == BLOCKED, swings_in(pose));
             if (is_blocked && (is_out || along_m > rules.escape_m)) || (swings_in && tail_is_out) {
                 let before = if is_out { f64::from(sample - 1) } else { 0.0 };
@@ -308,8 +319,8 @@ impl Scene<'_> {
         [middle + aside, middle - aside].into_iter().any(|side| self.cost(side) == BLOCKED)
     }
 
-    /// Share of a turn to the target by which the tail can swing, 0 if that is not even what is looked ahead; and the mean
-    /// cost under it.
+    /// Share of a turn to the target by which tail and nose can swing, 0 if that is not even what is looked ahead; and the
+    /// mean cost under them.
     fn turned(&self, start: (DVec2, f64), arc: Arc, rules: &Rules) -> (f64, f64) {
         let wanted = self.wanted(start, arc);
         let whole = if wanted < 0.0 { wanted + TAU } else { wanted }.max(TURN_RAD);
@@ -318,7 +329,10 @@ impl Scene<'_> {
         let mut sum = 0.0;
         for sample in 1..=samples {
             let angle = TURN_SAMPLE_RAD * f64::from(sample);
-            let cost = self.cost(tail(pose_at(start, arc, angle), rules));
+            let pose = pose_at(start, arc, angle);
+            let cost = self.cost(tail(pose, rules));
+            // A nose at the middle does not swing.
+            let cost = if rules.nose_m > 0.0 { cost.max(self.cost(nose(pose, rules))) } else { cost };
             if cost == BLOCKED {
                 let before = sample - 1;
                 let share = f64::from(before) / f64::from(samples);
@@ -340,10 +354,15 @@ fn tail((position, yaw): (DVec2, f64), rules: &Rules) -> DVec2 {
     position - DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.tail_m
 }
 
-/// By how much the tail swings out of the circle on which the vehicle's middle drives ahead, m.
-fn swing_m(curvature_per_m: f64, tail_m: f64) -> f64 {
+/// The middle of the nose of a vehicle in a pose.
+fn nose((position, yaw): (DVec2, f64), rules: &Rules) -> DVec2 {
+    position + DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.nose_m
+}
+
+/// By how much an end of the vehicle, this far from its middle, swings out of the circle on which the middle drives, m.
+fn swing_m(curvature_per_m: f64, end_m: f64) -> f64 {
     let radius_m = 1.0 / curvature_per_m.abs().max(1e-6);
-    libm::hypot(radius_m, tail_m) - radius_m
+    libm::hypot(radius_m, end_m) - radius_m
 }
 
 /// The arc with the lowest score among those that may be driven; the first of several.

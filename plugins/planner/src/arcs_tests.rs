@@ -9,6 +9,8 @@ const RULES: Rules = Rules {
     least_free_m: 0.5,
     escape_m: 0.5,
     tail_m: 0.5,
+    nose_m: 0.0,
+    turns_on_the_spot: true,
     weights: Weights {
         goal: 1.0,
         heading: 0.5,
@@ -50,11 +52,15 @@ fn scored(cost: impl Fn(DVec2) -> u8, arc: Arc) -> Scored {
 
 /// The same of a vehicle at (0, y), m.
 fn scored_at(y_m: f64, cost: impl Fn(DVec2) -> u8, arc: Arc) -> Scored {
+    scored_by(&RULES, y_m, cost, arc)
+}
+
+fn scored_by(rules: &Rules, y_m: f64, cost: impl Fn(DVec2) -> u8, arc: Arc) -> Scored {
     let (sensed, costs) = scene(cost);
     let (vehicle, target) = (Pose::from_xy_yaw(0.0, y_m, 0.0), DVec2::new(4.0, y_m));
     let scene =
         Scene { sensed: &sensed, costs: &costs, vehicle: &vehicle, target, before_per_m: 0.0, turning: None };
-    scene.score(arc, &RULES)
+    scene.score(arc, rules)
 }
 
 #[test]
@@ -88,6 +94,39 @@ fn where_its_tail_cannot_swing_around_it_drives_back_and_does_not_begin_a_turn()
     // Where it cannot drive back either, it turns as far as it can.
     let pocket = |at: DVec2| if at.x < -0.9 || at.x > 0.3 { BLOCKED } else { strip(at) };
     assert_eq!(motion(0.65, &pocket), Motion::TurnLeft);
+}
+
+#[test]
+fn a_nose_stops_before_a_wall_and_does_not_swing_into_one() {
+    let free_m = |nose_m: f64, arc: Arc, cost: &dyn Fn(DVec2) -> u8| {
+        scored_by(&Rules { nose_m, ..RULES }, 0.0, cost, arc).free_m
+    };
+    let wall = |at: DVec2| if at.x > 2.0 { BLOCKED } else { 10 };
+    let ahead = Arc { motion: Motion::Forward, curvature_per_m: 0.0 };
+    let [middle_m, nose_m] = [0.0, 1.0].map(|nose_m| free_m(nose_m, ahead, &wall));
+    assert!((middle_m - nose_m - 1.0).abs() < 0.11 && nose_m > 0.8, "{middle_m} {nose_m}");
+    // Backward, a bend to the left swings the nose to the right.
+    let beside = |at: DVec2| if at.x > -0.2 && at.y < -0.1 { BLOCKED } else { 10 };
+    let back = Arc { motion: Motion::Backward, curvature_per_m: 0.75 };
+    assert_eq!(free_m(0.0, back, &beside), 1.0);
+    assert!(free_m(1.0, back, &beside) < 0.5, "{}", free_m(1.0, back, &beside));
+    // Walls 0.5 m to either side, between which a turn on the spot does not fit.
+    let strip = |at: DVec2| if at.y.abs() > 0.5 { BLOCKED } else { 10 };
+    let motion = |nose_m: f64| {
+        let rules = Rules { tail_m: 0.45, nose_m, ..RULES };
+        chosen_by(&rules, strip, 0.0, DVec2::new(-4.0, 0.1)).unwrap().arc.motion
+    };
+    assert_eq!(
+        [motion(0.0), motion(0.45), motion(0.65)],
+        [Motion::TurnLeft, Motion::TurnLeft, Motion::Backward]
+    );
+}
+
+#[test]
+fn a_vehicle_that_steers_has_no_turn_on_the_spot_in_its_list() {
+    let arcs = list(&Rules { turns_on_the_spot: false, ..RULES });
+    assert_eq!(arcs.len() + 2, list(&RULES).len());
+    assert!(arcs.iter().all(|arc| matches!(arc.motion, Motion::Forward | Motion::Backward)));
 }
 
 #[test]

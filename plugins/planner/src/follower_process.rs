@@ -156,7 +156,7 @@ impl Process for WaypointFollower {
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
         self.take_waypoints(ports, local, cx);
         let pressed = self.take_signals(ports, local, cx);
-        let held = Held::of(cx.latest(&ports.vehicle).as_deref());
+        let held = Held::of(cx.latest(&ports.vehicle).as_deref(), params.min_speed_mps);
         if held == Held::ByEmergency && self.modes.active().is_some() {
             self.end_mode("the vehicle is held", ports, params, cx);
         }
@@ -228,7 +228,7 @@ impl Process for WaypointFollower {
     }
 }
 
-/// Whether something other than this process holds the vehicle.
+/// Whether something other than this process holds the vehicle, or slows it down so much that it would be taken for stuck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Held {
     Not,
@@ -237,13 +237,16 @@ enum Held {
 }
 
 impl Held {
-    fn of(vehicle: Option<&VehicleStatus>) -> Held {
-        match vehicle {
-            Some(vehicle) if vehicle.emergency_stopped => Held::ByEmergency,
-            Some(vehicle) if vehicle.stopped && !OWN_REASONS.contains(&vehicle.stop_reason.as_str()) => {
-                Held::Otherwise
-            }
-            _ => Held::Not,
+    /// By the vehicle's status and the lowest speed of the follower, m/s.
+    fn of(vehicle: Option<&VehicleStatus>, min_speed_mps: f64) -> Held {
+        let Some(vehicle) = vehicle else { return Held::Not };
+        let is_held = vehicle.stopped && !OWN_REASONS.contains(&vehicle.stop_reason.as_str());
+        // 0 where the vehicle states no limit.
+        let is_slow = vehicle.max_speed_mps > 0.0 && vehicle.max_speed_mps < min_speed_mps;
+        match (vehicle.emergency_stopped, is_held || is_slow) {
+            (true, _) => Held::ByEmergency,
+            (false, true) => Held::Otherwise,
+            (false, false) => Held::Not,
         }
     }
 }
@@ -280,7 +283,7 @@ impl WaypointFollower {
         }
     }
 
-    /// Reads what modes depend on; returns whether the bumper was hit.
+    /// Reads what modes depend on; returns whether the bumper is pressed, or was since the cycle before.
     fn take_signals(&mut self, ports: &Ports, local: &str, cx: &mut Cycle<'_>) -> bool {
         let mut goal = cx.read_newest(&ports.goal);
         if goal.is_none() && self.goal.is_none() {
@@ -300,7 +303,7 @@ impl WaypointFollower {
         if let Some(report) = cx.read_newest(&ports.way_slip) {
             self.watch.take_way_slip(&report, report.acq_time());
         }
-        let mut pressed = false;
+        let mut pressed = cx.latest(&ports.bumper).is_some_and(|bumper| bumper.left || bumper.right);
         while let Some(bumper) = cx.read(&ports.bumper) {
             pressed |= bumper.left || bumper.right;
         }

@@ -69,6 +69,8 @@ pub struct WaypointGenerator {
     told: Option<(f64, f64)>,
     /// The same in the global frame, m.
     told_global: (f64, f64),
+    /// The newest pose of the local frame in the global one before it jumped.
+    before_jump: Option<Pose>,
     /// Whether they are told again, because of something other than a motion of the goal.
     is_to_tell: bool,
     /// Where the goal lay by the registration of the route when they were told, local frame, m.
@@ -155,9 +157,15 @@ impl Process for WaypointGenerator {
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
             path: b.input("path", "the planner's path, local frame"),
-            far_path: b.optional_input("far_path", "path of the planner of a larger map, local frame"),
+            far_path: b.optional_input(
+                "far_path",
+                "path of the planner of a larger map, local frame; used only with `global`",
+            ),
             transforms: b.input("transforms", "the local frame in the global frame"),
-            global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
+            global: b.optional_input(
+                "global",
+                "pose of the vehicle in the global frame: its covariance, its track, and its place on `far_path`",
+            ),
             way_slip: b.optional_input(
                 "way_slip",
                 "slip over the last metres: the route for the next run leaves out where the wheels slipped",
@@ -277,6 +285,9 @@ impl Process for WaypointGenerator {
         let global_from_route = local_from_route.map_or(Pose::IDENTITY, |pose| global_from_local * pose);
         self.send_slips(ports, params, &global_from_route, cx);
         self.see_slide(&global_from_local, params);
+        if self.jumped_m(&global_from_local) <= params.jump_m {
+            self.before_jump = Some(global_from_local);
+        }
         if let Some(why) = self.doubt(&global_from_local, params) {
             return self.stand(ports, params, why, cx);
         }
@@ -290,6 +301,7 @@ impl Process for WaypointGenerator {
         self.send_route(ports, params, goal, cx);
         let age_s = cx.now().seconds_since(at);
         let mut note = self.search.as_ref().map_or(String::new(), GoalSearch::note);
+        note.push_str(self.unused_far_path());
         if age_s > params.transform_timeout_s {
             let old = "; the local frame in the global one is";
             note = format!("{note}{old} {age_s:.1} s old, and the goal stays where it was");
@@ -411,10 +423,13 @@ impl WaypointGenerator {
         self.told.filter(|_| !self.is_to_tell)
     }
 
-    /// How far the goal that the planners were told has moved in the local frame, because that has moved, m.
+    /// How far the local frame has jumped where the vehicle is, m: at a goal far away, a small correction of the heading
+    /// would be metres. Without the vehicle's position, it is measured at the goal; 0 while no goal is told.
     fn jumped_m(&self, global_from_local: &Pose) -> f64 {
-        let now = global_from_local.inverse() * DVec2::from(self.told_global).extend(0.0);
-        self.told.map_or(0.0, |told| now.truncate().distance(DVec2::from(told)))
+        let Some(before) = self.before_jump.filter(|_| self.told.is_some()) else { return 0.0 };
+        let at = DVec2::from(self.position.unwrap_or(self.told_global)).extend(0.0);
+        let in_local = |global_from_local: &Pose| (global_from_local.inverse() * at).truncate();
+        in_local(global_from_local).distance(in_local(&before))
     }
 
     /// Why the vehicle should not drive on.

@@ -27,7 +27,7 @@
 //! # When there is no path
 //!
 //! The status is `ERROR` with the reason, and the path sent has no poses, so that the vehicle stops: no pose or one that
-//! is too old, a map that is too old, cannot be used or knows nothing around the vehicle, a goal inside of an obstacle, no way. It plans again as soon as
+//! is too old, a map that is too old, cannot be used or knows nothing around the vehicle, a goal inside of an obstacle, no way, or none but through zones. It plans again as soon as
 //! the reason is gone. If the goal's cell is blocked, it plans to the nearest free one within `approach_m`, and says so;
 //! arrived there, it is in `ERROR` if the goal is still blocked and farther away than `goal_radius_m`. A goal outside of the map is planned to over the edge that suits, with all cells outside taken for unknown.
 //!
@@ -36,9 +36,9 @@
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
 //! | `path` | in | `foxglove.PosesInFrame` | the planner's path, local frame |
-//! | `far_path` | in, optional | `foxglove.PosesInFrame` | path of the planner of a larger map, local frame |
+//! | `far_path` | in, optional | `foxglove.PosesInFrame` | path of the planner of a larger map, local frame; used only with `global` |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
-//! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
+//! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame: its covariance, its track, and its place on `far_path` |
 //! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres: the route for the next run leaves out where the wheels slipped |
 //! | `map` | in, optional | `foxglove.Grid` | a world model's map, local frame, by which the route is cut |
 //! | `registration` | in, optional | `foxglove.FrameTransforms` | the global frame of the remembered route in the local frame |
@@ -60,7 +60,7 @@
 //! is a parameter of the next one, and the planner makes the cells along it cheaper. With `found_within_m`, it looks
 //! for the goal of the file after it has arrived there by its own estimate ([`goal_search`]). There are no waypoints,
 //! and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
-//! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
+//! well enough, and when the local frame has jumped in the global one. If the fixes then put the vehicle back on its own track,
 //! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. Where wheels
 //! slipped is a parameter of the next run ([`slips`]). State: the frames, what the planner was told, the track, and the barred places.
 //!

@@ -20,6 +20,7 @@ pub(crate) struct Style {
     max_yaw_rate_radps: f64,
     /// Turn rate of the actions REVERSE and SHAKE.
     mode_yaw_rate_radps: f64,
+    turns_on_the_spot: bool,
     braking_mps2: f64,
     stop_margin_m: f64,
     cost_slowdown: f64,
@@ -40,6 +41,7 @@ impl Style {
             mode_yaw_rate_radps: mode
                 .map_or(0.0, |mode| mode.yaw_rate_radps.abs())
                 .min(params.max_yaw_rate_radps),
+            turns_on_the_spot: params.turns_on_the_spot,
             braking_mps2: params.braking_mps2,
             stop_margin_m: params.stop_margin_m,
             cost_slowdown: params.cost_slowdown,
@@ -140,8 +142,8 @@ pub(crate) fn shaken(
 }
 
 /// What the action SHAKE does, m/s and rad/s, for an order of [`shaken`] and the speed that [`careful`] leaves of it: where the
-/// way downhill is not free, the vehicle turns on the spot until another one is, and does not go back uphill, where its wheels
-/// spin.
+/// way downhill is not free, the vehicle turns on the spot, if it can, until another one is, and does not go back uphill, where
+/// its wheels spin.
 pub(crate) fn turned_away(
     vehicle: &Pose,
     style: &Style,
@@ -149,7 +151,7 @@ pub(crate) fn turned_away(
     careful_mps: f64,
     number: u32,
 ) -> [f64; 2] {
-    if downhill(vehicle, style) == Some(order) && careful_mps * order[0] < 0.0 {
+    if style.turns_on_the_spot && downhill(vehicle, style) == Some(order) && careful_mps * order[0] < 0.0 {
         let side = if (number / 4).is_multiple_of(2) { 1.0 } else { -1.0 };
         [0.0, side * style.mode_yaw_rate_radps]
     } else {
@@ -157,7 +159,8 @@ pub(crate) fn turned_away(
     }
 }
 
-/// Turns the nearer end of the vehicle downhill, then drives there, m/s and rad/s; `None` on ground that is not steep.
+/// Turns the nearer end of the vehicle downhill, if it can turn on the spot, then drives there, m/s and rad/s; `None` on ground
+/// that is not steep.
 fn downhill(vehicle: &Pose, style: &Style) -> Option<[f64; 2]> {
     let down = vehicle.rotation.conjugate() * DVec3::NEG_Z;
     if libm::hypot(down.x, down.y) < STEEP_RAD {
@@ -165,7 +168,8 @@ fn downhill(vehicle: &Pose, style: &Style) -> Option<[f64; 2]> {
     }
     let direction = if down.x < 0.0 { -1.0 } else { 1.0 };
     let off_rad = libm::atan2(down.y * direction, down.x * direction);
-    let turn = if off_rad.abs() > DOWNHILL_RAD { off_rad.signum() * style.mode_yaw_rate_radps } else { 0.0 };
+    let turns = style.turns_on_the_spot && off_rad.abs() > DOWNHILL_RAD;
+    let turn = if turns { off_rad.signum() * style.mode_yaw_rate_radps } else { 0.0 };
     Some(if turn == 0.0 { [direction * style.max_speed_mps, 0.0] } else { [0.0, turn] })
 }
 
@@ -234,6 +238,8 @@ pub(crate) fn arc_rules(params: &WaypointFollowerParams, mode: Option<&Mode>) ->
         least_free_m: mode.and_then(|mode| mode.least_free_m).unwrap_or(params.least_free_m),
         escape_m: params.escape_m,
         tail_m: params.tail_m,
+        nose_m: params.nose_m,
+        turns_on_the_spot: params.turns_on_the_spot,
         weights: Weights {
             goal: params.weight_goal,
             heading: params.weight_heading,
@@ -312,6 +318,7 @@ mod tests {
     fn on_a_slope_a_vehicle_turns_its_nearer_end_downhill_and_drives_there_in_two_of_four_modes() {
         let mut style = Style::new(&WaypointFollowerParams::default(), None);
         (style.max_speed_mps, style.mode_yaw_rate_radps) = (0.6, 0.5);
+        style.turns_on_the_spot = true;
         let order = |[roll, pitch]: [f64; 2], number: u32, since_s: f64| {
             let vehicle = Pose::from_rpy(DVec3::ZERO, roll, pitch, 1.0);
             let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -339,6 +346,16 @@ mod tests {
         assert_eq!([away(-0.2, -0.4, 1), away(0.0, 0.6, 1)], [[-0.4, 0.0], [0.6, 0.0]]);
         let [speed_mps, turn] = order([0.02, 0.02], 1, 3.0);
         assert!(speed_mps.abs() < 0.6 && turn.abs() < 0.5, "flat ground: at random");
+    }
+
+    #[test]
+    fn a_vehicle_that_steers_does_not_stand_on_a_slope_to_turn_on_the_spot() {
+        let mut style = Style::new(&WaypointFollowerParams::default(), None);
+        (style.max_speed_mps, style.mode_yaw_rate_radps) = (0.6, 0.5);
+        let low_left = Pose::from_rpy(DVec3::ZERO, -0.2, 0.01, 1.0);
+        assert_eq!(downhill(&low_left, &style), Some([0.6, 0.0]));
+        let low_back = Pose::from_rpy(DVec3::ZERO, 0.0, -0.2, 1.0);
+        assert_eq!(turned_away(&low_back, &style, [-0.6, 0.0], 0.6, 1), [0.6, 0.0]);
     }
 
     #[test]

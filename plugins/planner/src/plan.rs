@@ -49,6 +49,11 @@ pub enum NoPlan {
     /// Obstacles are all around the vehicle, or around the goal.
     #[error("no way to the goal: {0}")]
     NoPath(NoPath),
+    /// The area or the zones close every way.
+    #[error(
+        "no way to the goal inside of the area and around the zones, although there would be one without them"
+    )]
+    Forbidden,
 }
 
 /// A step of a path.
@@ -98,15 +103,53 @@ pub struct Planner {
     path: Path,
 }
 
+/// The cheapest way, whose cells are in [`Planner::path`].
+struct Way {
+    costs: CostGrid,
+    start: Place,
+    end: Place,
+    /// See [`Plan::short_of_goal_m`].
+    short_of_goal_m: f64,
+}
+
 /// Goals outside of the map are planned to in their direction, at most this many sides of the map away.
 const FARTHEST_SIDES: f64 = 20.0;
 
 impl Planner {
     /// Plans.
     pub fn plan(&mut self, task: &Task<'_>, rules: &Rules) -> Result<Plan, NoPlan> {
+        let way = self.way(task, rules);
+        let is_closed = matches!(way, Err(NoPlan::NoPath(NoPath::NotConnected)));
+        if is_closed && self.is_open_without_zones(task, rules) {
+            return Err(NoPlan::Forbidden);
+        }
+        let Way { mut costs, start, end, short_of_goal_m } = way?;
+        let mut plan = Plan {
+            chosen: self.candidate(task, &costs, rules),
+            rejected: None,
+            short_of_goal_m,
+            expanded: self.path.expanded,
+        };
+        avoid(&mut costs, &self.path.cells, task);
+        if self.search.path(&costs, start, end, rules.unknown, &mut self.path).is_ok() {
+            plan.rejected = Some(self.candidate(task, &costs, rules));
+        }
+        plan.expanded += self.path.expanded;
+        Ok(plan)
+    }
+
+    /// Whether there is a way if the vehicle may drive everywhere.
+    fn is_open_without_zones(&mut self, task: &Task<'_>, rules: &Rules) -> bool {
+        let has_zones = task.past.zones.is_some_and(|zones| !zones.is_empty());
+        let past = Past { zones: None, ..task.past };
+        has_zones && self.way(&Task { past, ..*task }, rules).is_ok()
+    }
+
+    /// The cheapest way to the goal, or to a free cell beside it.
+    fn way(&mut self, task: &Task<'_>, rules: &Rules) -> Result<Way, NoPlan> {
         let Task { sensed, vehicle, goal, approach_m, .. } = *task;
         let position = vehicle.translation.truncate();
-        let mut costs = self.terrain.costs(sensed, vehicle, &task.past, rules)?;
+        let costs = self.terrain.costs(sensed, vehicle, &task.past, rules)?;
         let start = sensed.place(position).filter(|&place| costs.contains(place));
         let start = start.ok_or(NoPlan::OffTheMap(position))?;
         let side_m = sensed.cell_size_m * costs.columns().max(costs.rows()) as f64;
@@ -129,18 +172,7 @@ impl Planner {
         } else {
             found.map_err(NoPlan::NoPath)?;
         }
-        let mut plan = Plan {
-            chosen: self.candidate(task, &costs, rules),
-            rejected: None,
-            short_of_goal_m,
-            expanded: self.path.expanded,
-        };
-        avoid(&mut costs, &self.path.cells, task);
-        if self.search.path(&costs, start, end, rules.unknown, &mut self.path).is_ok() {
-            plan.rejected = Some(self.candidate(task, &costs, rules));
-        }
-        plan.expanded += self.path.expanded;
-        Ok(plan)
+        Ok(Way { costs, start, end, short_of_goal_m })
     }
 
     fn candidate(&self, task: &Task<'_>, costs: &CostGrid, rules: &Rules) -> Candidate {
@@ -248,30 +280,19 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::zones::{Polygon, Zones};
 
     fn rules() -> Rules {
         Rules {
             table: vec![(124, 10)],
             unknown: 20,
             unknown_near: 20,
-            narrow: 0.0,
-            sure_m: f64::INFINITY,
-            unsure: 250,
-            slipped: 4.0,
             half_width_m: 0.35,
             least_room_m: 0.4,
             far_room_m: 0.4,
-            near_m: 4.0,
             wish_room_m: 1.0,
             clearance: 40.0,
-            heading: 0.0,
-            heading_range_m: 0.0,
-            relief_range_m: 0.0,
-            route: 0.0,
-            route_range_m: 2.0,
-            relief_cost: 200,
-            previous: 0.0,
-            previous_range_m: 0.0,
+            ..Rules::plain()
         }
     }
 
@@ -296,6 +317,10 @@ mod tests {
     }
 
     fn plan(sensed: &Sensed, goal: DVec2) -> Result<Plan, NoPlan> {
+        plan_with(sensed, goal, Past::default())
+    }
+
+    fn plan_with(sensed: &Sensed, goal: DVec2, past: Past<'_>) -> Result<Plan, NoPlan> {
         let vehicle = Pose::from_xy_yaw(0.05, 0.05, 0.0);
         let task = Task {
             sensed,
@@ -303,7 +328,7 @@ mod tests {
             goal,
             approach_m: 0.5,
             is_passed: false,
-            past: Past::default(),
+            past,
             alternative_m: 1.5,
         };
         Planner::default().plan(&task, &rules())
@@ -388,6 +413,20 @@ mod tests {
         assert!((2.0..3.0).contains(&beside.short_of_goal_m), "{}", beside.short_of_goal_m);
         assert_eq!(plan(&unknown, true), closed, "a point of a path that leads through an obstacle");
         assert_eq!(plan(&ring(0), false), closed, "a clearing");
+    }
+
+    #[test]
+    fn zones_that_close_the_way_are_told_from_obstacles_that_do() {
+        let corners = [(4.0, -20.0), (5.0, -20.0), (5.0, 20.0), (4.0, 20.0)];
+        let zone = Polygon::new(corners.map(DVec2::from)).unwrap();
+        let zones = Zones { area: None, keep_out: vec![zone] };
+        let past = Past { zones: Some(&zones), ..Past::default() };
+        let to = |sensed: &Sensed, x_m: f64| plan_with(sensed, DVec2::new(x_m, 0.0), past);
+        let free = with_wall(20.0, 20.0);
+        assert_eq!(to(&free, 8.0), Err(NoPlan::Forbidden));
+        assert!(to(&free, 2.0).is_ok(), "before the zone");
+        let closed = with_wall(-20.0, 20.0);
+        assert_eq!(to(&closed, 8.0), Err(NoPlan::NoPath(NoPath::NotConnected)));
     }
 
     #[test]

@@ -269,12 +269,15 @@ impl AStarPlanner {
                 let why = format!("the goal is inside of an obstacle: stands {left_m:.1} m beside it");
                 self.stop_for(ports, params, PlanState::PlanGoalBlocked, why, cx);
             }
-            Ok(plan) => self.send(ports, local, goal, &plan, cx),
+            Ok(plan) => self.send(ports, params, goal, &plan, cx),
             Err(error @ NoPlan::GoalBlocked { .. }) => {
                 self.stop_for(ports, params, PlanState::PlanGoalBlocked, error.to_string(), cx);
             }
             Err(error @ NoPlan::NoPath(_)) => {
                 self.stop_for(ports, params, PlanState::PlanNoWay, error.to_string(), cx);
+            }
+            Err(error @ NoPlan::Forbidden) => {
+                self.stop_for(ports, params, PlanState::PlanForbidden, error.to_string(), cx);
             }
             Err(error @ (NoPlan::Map(_) | NoPlan::OffTheMap(_))) => {
                 cx.fault(error.to_string());
@@ -316,15 +319,25 @@ impl AStarPlanner {
         }
     }
 
-    fn send(&mut self, ports: &Ports, local: &str, goal: DVec2, plan: &Plan, cx: &mut Cycle<'_>) {
+    fn send(&mut self, ports: &Ports, params: &PlannerParams, goal: DVec2, plan: &Plan, cx: &mut Cycle<'_>) {
         let now = cx.now();
+        let local = Extrinsics::new(params.pose.as_ref(), None).frames.local;
         let reason = plan.reason();
         let chosen = &plan.chosen;
         self.previous = chosen.steps.iter().map(|step| (step.at.x, step.at.y)).collect();
+        let mut points: Vec<DVec2> = chosen.steps.iter().map(|step| step.at).collect();
+        // On coarse cells, the goal may not be reached in the middle of its cell.
+        let sensed = &self.memory.reader.sensed;
+        let ends_beside = points.last().is_some_and(|&end| {
+            sensed.place(end) == sensed.place(goal) && end.distance(goal) > params.goal_radius_m
+        });
+        if ends_beside {
+            points.push(goal);
+        }
         let path = PosesInFrame {
             timestamp: Some(now.to_proto()),
             frame_id: local.to_owned(),
-            poses: along(&chosen.steps).map(|pose| pose_message(&pose)).collect(),
+            poses: along(&points).map(|pose| pose_message(&pose)).collect(),
         };
         cx.write(&ports.path, now, path);
         let message = rcs::Plan {
@@ -396,13 +409,13 @@ impl AStarPlanner {
     }
 }
 
-/// The cells of a path as poses that look along it.
-fn along(steps: &[Step]) -> impl Iterator<Item = Pose> {
-    (0..steps.len()).map(|at| {
-        let (from, to) = if at + 1 < steps.len() { (at, at + 1) } else { (at.saturating_sub(1), at) };
-        let direction = steps[to].at - steps[from].at;
+/// The points of a path as poses that look along it.
+fn along(points: &[DVec2]) -> impl Iterator<Item = Pose> {
+    (0..points.len()).map(|at| {
+        let (from, to) = if at + 1 < points.len() { (at, at + 1) } else { (at.saturating_sub(1), at) };
+        let direction = points[to] - points[from];
         let yaw_rad = if direction == DVec2::ZERO { 0.0 } else { libm::atan2(direction.y, direction.x) };
-        Pose::from_xy_yaw(steps[at].at.x, steps[at].at.y, yaw_rad)
+        Pose::from_xy_yaw(points[at].x, points[at].y, yaw_rad)
     })
 }
 

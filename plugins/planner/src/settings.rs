@@ -29,20 +29,8 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
         half_width_m: half_m,
         least_room_m: half_m + costs.clearance_m,
         far_room_m: half_m + costs.clearance_m,
-        near_m: f64::INFINITY,
-        narrow: 0.0,
-        sure_m: f64::INFINITY,
-        unsure: crate::costs::MAX_COST,
-        slipped: 1.0,
         wish_room_m: half_m + costs.wish_clearance_m.max(costs.clearance_m),
         clearance: costs.clearance_cost,
-        heading: 0.0,
-        heading_range_m: 0.0,
-        relief_range_m: 0.0,
-        route: 0.0,
-        route_range_m: 0.0,
-        relief_cost: crate::costs::MAX_COST,
-        previous: 0.0,
-        previous_range_m: 0.0,
+        ..Rules::plain()
     }
 }

@@ -81,6 +81,35 @@ pub struct Rules {
     pub previous_range_m: f64,
 }
 
+impl Rules {
+    /// Rules without terms: no terrain has a cost, the vehicle has no width, and all obstacles block.
+    pub(crate) fn plain() -> Rules {
+        Rules {
+            table: Vec::new(),
+            unknown: 1,
+            unknown_near: 1,
+            half_width_m: 0.0,
+            least_room_m: 0.0,
+            far_room_m: 0.0,
+            near_m: f64::INFINITY,
+            narrow: 0.0,
+            sure_m: f64::INFINITY,
+            unsure: MAX_COST,
+            wish_room_m: 0.0,
+            clearance: 0.0,
+            heading: 0.0,
+            heading_range_m: 0.0,
+            relief_range_m: 0.0,
+            route: 0.0,
+            route_range_m: 0.0,
+            relief_cost: MAX_COST,
+            slipped: 1.0,
+            previous: 0.0,
+            previous_range_m: 0.0,
+        }
+    }
+}
+
 /// What a planner remembers; positions in the map's frame, m.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Past<'a> {

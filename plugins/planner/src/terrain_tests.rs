@@ -8,9 +8,6 @@ fn rules() -> Rules {
         table: vec![(30, 10), (124, 60)],
         unknown: 20,
         unknown_near: 20,
-        narrow: 0.0,
-        sure_m: f64::INFINITY,
-        unsure: 250,
         slipped: 4.0,
         half_width_m: 0.35,
         least_room_m: 0.4,
@@ -20,12 +17,9 @@ fn rules() -> Rules {
         clearance: 40.0,
         heading: 0.5,
         heading_range_m: 2.0,
-        relief_range_m: 0.0,
-        route: 0.0,
         route_range_m: 2.0,
         relief_cost: 200,
-        previous: 0.0,
-        previous_range_m: 0.0,
+        ..Rules::plain()
     }
 }
 

@@ -243,6 +243,38 @@ fn at_the_goal_it_is_done_and_sends_no_path() {
 }
 
 #[test]
+fn on_coarse_cells_the_path_ends_at_the_goal_if_the_middle_of_its_cell_is_too_far_away() {
+    for (radius_m, appended) in [("0.3", true), ("0.6", false)] {
+        let params = [("planner.goal_radius_m", radius_m)];
+        let mut bench = Setup::new(STACK, &[ProcessType::of::<AStarPlanner>()]).params(&params).bench();
+        bench.cycle();
+        bench.at(0.0, 0.0);
+        let position = Some(Vector3 { x: -10.25, y: -10.25, z: 0.0 });
+        let cost =
+            PackedElementField { name: "cost".to_owned(), offset: 0, r#type: NumericType::Uint8.into() };
+        let grid = Grid {
+            frame_id: "local".to_owned(),
+            pose: Some(rcs_msg::foxglove::Pose { position, orientation: None }),
+            column_count: 41,
+            cell_size: Some(Vector2 { x: 0.5, y: 0.5 }),
+            row_stride: 41,
+            cell_stride: 1,
+            fields: vec![cost],
+            data: vec![0_u8; 41 * 41].into(),
+            ..Grid::default()
+        };
+        bench.write("/operator/map", grid);
+        // In the corner of the cell whose middle is (5, 0) m.
+        let goal = DVec2::new(5.24, 0.24);
+        bench.plan_to(goal.x, goal.y);
+        bench.cycle();
+        let (path, plan) = (bench.path(), bench.latest::<Plan>("/planner/plan"));
+        let (end, steps) = (*path.last().unwrap(), plan.chosen.unwrap().steps.len());
+        assert_eq!((end == goal, path.len() - steps), (appended, usize::from(appended)), "{end}");
+    }
+}
+
+#[test]
 fn zones_that_cannot_be_understood_are_told_until_a_goal_with_others_comes() {
     let mut bench = Bench::start();
     let zone = PlanZone { corners: vec![PlanPoint { x_m: 1.0, y_m: 2.0 }; 2] };

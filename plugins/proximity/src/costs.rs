@@ -7,7 +7,7 @@
 use rcs_geom::DVec2;
 use rcs_sense::{CELL_SIZE_M, CostGrid, GridFrame};
 
-/// Cells per row of the window: 8 m, more than the reach of any of these sensors.
+/// Cells per row of the window, at least: 8 m, more than the reach of the infrared sensors.
 const SIDE: usize = 41;
 /// Distance between sampled points along an edge, m; small enough to skip no cell.
 const STEP_M: f64 = CELL_SIZE_M / 4.0;
@@ -15,6 +15,12 @@ const STEP_M: f64 = CELL_SIZE_M / 4.0;
 /// An unknown window around a position, m.
 pub fn around(place: DVec2) -> CostGrid {
     CostGrid::new(GridFrame::around(place, SIDE, CELL_SIZE_M))
+}
+
+/// The same, so large that it covers what lies within this distance of the position, m: of a long vehicle, whole.
+pub fn around_within(place: DVec2, reach_m: f64) -> CostGrid {
+    let cells = (reach_m / CELL_SIZE_M).ceil().max(0.0) as usize + 1;
+    CostGrid::new(GridFrame::around(place, SIDE.max(2 * cells + 1), CELL_SIZE_M))
 }
 
 /// Marks the cells that a straight line touches.

@@ -1,6 +1,6 @@
 //! Costs of the cells around the vehicle from bumper and infrared sensors.
 
-use crate::costs::{around as costs_around, mark_line, mark_rectangle};
+use crate::costs::{around as costs_around, around_within, mark_line, mark_rectangle};
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_sense::CostGrid;
 use rcs_world::MAX_COST;
@@ -18,6 +18,16 @@ pub struct Body {
     pub rear_x_m: f64,
     /// Width of the ground under the vehicle that is known to be free.
     pub width_m: f64,
+}
+
+impl Body {
+    /// Unknown cells around the vehicle, as far as the bumper, what a hit marks ahead of it, and the rear end.
+    fn around(&self, map_from_vehicle: &Pose) -> CostGrid {
+        let front_m = self.bumper_x_m.abs() + self.bumper_depth_m;
+        let half_width_m = 0.5 * self.bumper_width_m.max(self.width_m);
+        let reach_m = libm::hypot(front_m.max(self.rear_x_m.abs()), half_width_m);
+        around_within(map_from_vehicle.translation.truncate(), reach_m)
+    }
 }
 
 /// One checked infrared reading, in the frame of the map.
@@ -49,7 +59,7 @@ pub const SLIPPERY_COST: u8 = 100;
 
 /// Marks the ground under a vehicle whose wheels slipped there over some metres.
 pub fn slippery_costs(map_from_vehicle: &Pose, body: &Body) -> CostGrid {
-    let mut costs = costs_around(map_from_vehicle.translation.truncate());
+    let mut costs = body.around(map_from_vehicle);
     mark_body(&mut costs, map_from_vehicle, body, SLIPPERY_COST);
     costs
 }
@@ -67,7 +77,7 @@ fn mark_body(costs: &mut CostGrid, map_from_vehicle: &Pose, body: &Body, cost: u
 /// obstacles.
 pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool, drives: bool) -> CostGrid {
     let place = |x: f64, y: f64| (*map_from_vehicle * DVec3::new(x, y, 0.0)).truncate();
-    let mut costs = costs_around(map_from_vehicle.translation.truncate());
+    let mut costs = body.around(map_from_vehicle);
     if drives {
         mark_body(&mut costs, map_from_vehicle, body, 0);
     }
@@ -130,6 +140,20 @@ mod tests {
         assert_eq!((right.at(DVec2::new(10.15, 20.3)), right.at(DVec2::new(9.75, 20.5))), (Some(250), None));
         let both = bumper_costs(&pose, &BODY, true, true, true);
         assert!(both.at(DVec2::new(9.85, 20.3)).is_some() && both.at(DVec2::new(10.15, 20.3)).is_some());
+    }
+
+    #[test]
+    fn a_hit_of_a_bumper_far_ahead_is_marked_and_the_ground_under_a_long_vehicle_is_free() {
+        let body = Body { bumper_x_m: 10.0, rear_x_m: -6.0, ..BODY };
+        for tenth in 0..63 {
+            let pose = Pose::from_xy_yaw(-3.3, 4.7, f64::from(tenth) * 0.1);
+            let at = |x_m: f64, y_m: f64| (pose * DVec3::new(x_m, y_m, 0.0)).truncate();
+            let costs = bumper_costs(&pose, &body, true, false, true);
+            assert!(costs.count_from(250) > 2, "{}", costs.count_from(250));
+            assert_eq!((costs.at(at(9.0, 0.0)), costs.at(at(-5.7, 0.0))), (Some(0), Some(0)));
+        }
+        let of = |body: &Body| body.around(&Pose::IDENTITY).frame().side;
+        assert_eq!((of(&BODY), of(&body)), (41, 107));
     }
 
     #[test]

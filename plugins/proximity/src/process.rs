@@ -13,7 +13,8 @@ use rcs_msg::rcs::{
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, Extrinsics, FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2, Localizer, PosePorts, SLIPPERY, pose_of,
+    Axes, Extrinsics, FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2, Localizer, PosePorts, SLIPPERY,
+    SensorTime, pose_of,
 };
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -150,7 +151,7 @@ impl Process for Proximity {
 
 impl Proximity {
     /// Pose of the vehicle at a time. An unknown pose is not a fault here: there is none before the first message.
-    fn vehicle_at(&self, time: Stamp, params: &ProximityParams) -> Option<Pose> {
+    fn vehicle_at(&self, time: SensorTime, params: &ProximityParams) -> Option<Pose> {
         extrinsics(params).local_from_vehicle(&self.localizer, time).ok()
     }
 
@@ -169,7 +170,7 @@ impl Proximity {
         if !is_due {
             return;
         }
-        let Some(pose) = self.vehicle_at(time, params) else {
+        let Some(pose) = self.vehicle_at(SensorTime::of(bumper), params) else {
             if bumper.left || bumper.right {
                 cx.fault("bumper: hit where the vehicle's pose is not known; skipped");
             }
@@ -190,11 +191,11 @@ impl Proximity {
         params: &ProximityParams,
         cx: &mut Cycle<'_>,
     ) {
-        let time = readings.acq_time();
-        let Some(pose) = self.vehicle_at(time, params) else { return };
+        let (time, taken) = (readings.acq_time(), SensorTime::of(readings));
+        let Some(pose) = self.vehicle_at(taken, params) else { return };
         let mut rays = Vec::with_capacity(readings.readings.len());
         for reading in &readings.readings {
-            match self.ray(&pose, reading, time, params) {
+            match self.ray(&pose, reading, taken, params) {
                 Ok(ray) => rays.push(ray),
                 Err(fault) => cx.fault(format!("infrared: {fault}; reading skipped")),
             }
@@ -216,7 +217,7 @@ impl Proximity {
         &self,
         local_from_vehicle: &Pose,
         reading: &RangeReading,
-        time: Stamp,
+        time: SensorTime,
         params: &ProximityParams,
     ) -> Result<Ray, String> {
         let vehicle_from_sensor = extrinsics(params)
@@ -276,7 +277,7 @@ impl Proximity {
             return;
         }
         // The pitch comes from the localization, because an inertial sensor alone confuses acceleration with tilt.
-        let Some(pose) = self.vehicle_at(imu.acq_time(), params) else {
+        let Some(pose) = self.vehicle_at(SensorTime::of(imu), params) else {
             self.traction.lose_inertial();
             return;
         };

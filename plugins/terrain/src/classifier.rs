@@ -40,8 +40,8 @@ use rcs_msg::classes::TRAVERSABLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, Extrinsics, ImageCheck, Localizer, PosePorts, camera_of, fingerprint_of_texts, read_calibration,
-    upright,
+    Axes, Extrinsics, ImageCheck, Localizer, PosePorts, SensorTime, camera_of, fingerprint_of_texts,
+    read_calibration, upright,
 };
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -287,7 +287,9 @@ impl Classifier {
             _ => None,
         };
         let extrinsics = extrinsics(params);
-        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
+        // The image, or its depth, has just come.
+        let taken = SensorTime { acquired: time, arrived: cx.now() };
+        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, taken)?;
         upright(&local_from_vehicle)?;
         let view = View {
             camera,
@@ -296,7 +298,7 @@ impl Classifier {
                 &self.localizer,
                 &image.frame_id,
                 Axes::Optical,
-                time,
+                taken,
             )?,
         };
         let Some(models) = &self.models else { return Ok(()) };

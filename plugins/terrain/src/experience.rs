@@ -10,7 +10,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::rcs::{Bumper, ExampleKind, PlanePoint, SlipReport, TractionState, TrainingExample, WaySlip};
 use rcs_runtime::{Cycle, In, InputRole, PortBuilder};
-use rcs_sense::{Localizer, SLIPPERY, pose_of};
+use rcs_sense::{Localizer, SLIPPERY, SensorTime, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// The driven wheels touch the ground within this distance ahead of and behind the vehicle frame's origin, m.
@@ -74,7 +74,7 @@ impl Teachers {
             if hit == [false; 2] {
                 continue;
             }
-            match extrinsics.local_from_vehicle(localizer, bumper.acq_time()) {
+            match extrinsics.local_from_vehicle(localizer, SensorTime::of(&bumper)) {
                 Ok(pose) => {
                     let y = [if hit[1] { -half } else { 0.0 }, if hit[0] { half } else { 0.0 }];
                     let patch = Patch { x: [params.front_m, params.front_m + params.bumper_reach_m], y };
@@ -129,7 +129,7 @@ impl Teachers {
             self.slips =
                 matches!(report.state(), TractionState::TractionSpins | TractionState::TractionStalled);
             if report.state() == TractionState::TractionSpins && !slipped && !extrinsics.fixed_pose {
-                places.extend(extrinsics.local_from_vehicle(localizer, report.acq_time()));
+                places.extend(extrinsics.local_from_vehicle(localizer, SensorTime::of(&report)));
             }
         }
         while let Some(report) = cx.read(&ports.way_slip) {

@@ -16,7 +16,9 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, CELL_SIZE_M, GridFrame, Localizer, PosePorts, fingerprint_of_texts, model_to_delete};
+use rcs_sense::{
+    Axes, CELL_SIZE_M, GridFrame, Localizer, PosePorts, SensorTime, fingerprint_of_texts, model_to_delete,
+};
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -233,14 +235,16 @@ impl TerrainLearner {
         cx: &mut Cycle<'_>,
     ) -> Result<Lesson, Unusable> {
         let (extrinsics, time) = (extrinsics(params), frame.time);
-        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
+        // The labels of the frame have just come.
+        let taken = SensorTime { acquired: time, arrived: cx.now() };
+        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, taken)?;
         // The mount in the parameters is that of the left camera.
         let camera = if side == 0 { extrinsics } else { extrinsics.without_mount() };
         let vehicle_from_camera =
-            camera.vehicle_from_sensor(&self.localizer, &frame.image.frame_id, Axes::Optical, time)?;
+            camera.vehicle_from_sensor(&self.localizer, &frame.image.frame_id, Axes::Optical, taken)?;
         let ratios = self.ratios(params);
         let set = side.min(self.maps.len() - 1);
-        let refusal = self.refusal(time, params);
+        let refusal = self.refusal(taken, params);
         self.maps.iter_mut().for_each(|map| map.recentre(local_from_vehicle.translation.truncate()));
         let map = &mut self.maps[set];
         let mut learned = Learned::default();
@@ -300,11 +304,11 @@ impl TerrainLearner {
     }
 
     /// Why nothing is learned at this time (Albus 2006a, 3.2, step 1).
-    fn refusal(&self, time: Stamp, params: &TerrainLearnerParams) -> Option<&'static str> {
+    fn refusal(&self, taken: SensorTime, params: &TerrainLearnerParams) -> Option<&'static str> {
         if params.learn_while_standing {
             return None;
         }
-        match extrinsics(params).motion(&self.localizer, time, params.motion_window_s) {
+        match extrinsics(params).motion(&self.localizer, taken, params.motion_window_s) {
             Some([_, turn]) if turn > params.max_turn_rate_dps.to_radians() => {
                 Some("does not learn: the vehicle turns")
             }

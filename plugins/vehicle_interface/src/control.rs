@@ -68,18 +68,21 @@ pub enum Aim {
 }
 
 impl Aim {
-    /// The same target with its speed limited in both directions.
+    /// The same target with its speed limited in both directions. A turn rate decreases with the speed, so that the vehicle
+    /// drives along the same arc. With a limit of 0 it neither drives nor turns.
     #[must_use]
     pub fn limited_to(self, limit_mps: f64) -> Aim {
         let limited = |speed_mps: f64| speed_mps.clamp(-limit_mps, limit_mps);
         match self {
+            Aim::Heading { .. } | Aim::Rate { .. } if limit_mps == 0.0 => Aim::Stop,
             Aim::Heading { speed_mps, error_rad } => {
                 Aim::Heading { speed_mps: limited(speed_mps), error_rad }
             }
-            Aim::Rate { speed_mps, yaw_rate_radps } => {
-                Aim::Rate { speed_mps: limited(speed_mps), yaw_rate_radps }
+            Aim::Rate { speed_mps, yaw_rate_radps } if speed_mps.abs() > limit_mps => {
+                let share = limit_mps / speed_mps.abs();
+                Aim::Rate { speed_mps: limited(speed_mps), yaw_rate_radps: yaw_rate_radps * share }
             }
-            Aim::Stop | Aim::Halt => self,
+            Aim::Rate { .. } | Aim::Stop | Aim::Halt => self,
         }
     }
 }
@@ -275,6 +278,25 @@ mod tests {
             DT_S,
         );
         assert!(wheels.right_mps > wheels.left_mps, "rolling ahead to a turn on the spot, it turns at once");
+    }
+
+    #[test]
+    fn a_limit_of_the_speed_leaves_the_arc_as_it_is_and_one_of_0_lets_nothing_move() {
+        let rate = |speed_mps, yaw_rate_radps| Aim::Rate { speed_mps, yaw_rate_radps };
+        let heading = |speed_mps| Aim::Heading { speed_mps, error_rad: 0.4 };
+        for (aim, limit_mps, expected) in [
+            (rate(1.0, 0.8), 0.25, rate(0.25, 0.2)),
+            (rate(-1.0, 0.8), 0.25, rate(-0.25, 0.2)),
+            (rate(0.2, 0.8), 0.25, rate(0.2, 0.8)),
+            (rate(0.0, 0.8), 0.25, rate(0.0, 0.8)),
+            (rate(0.0, 0.8), 0.0, Aim::Stop),
+            (rate(1.0, 0.8), 0.0, Aim::Stop),
+            (heading(1.0), 0.25, heading(0.25)),
+            (heading(1.0), 0.0, Aim::Stop),
+            (Aim::Halt, 0.0, Aim::Halt),
+        ] {
+            assert_eq!(aim.limited_to(limit_mps), expected, "{aim:?} limited to {limit_mps} m/s");
+        }
     }
 
     #[test]

@@ -36,7 +36,8 @@
 //! command, after 200 ms: [`gate`]. A command without a timestamp has the time of its arrival.
 //!
 //! `HALT` and `INIT` brake the vehicle and are `DONE` when it stands; earlier requests are not resumed after `RUN`.
-//! `LIMIT_SPEED` (`rcs.SpeedLimit`) limits every driver until `RUN`. An emergency stop remains active across `INIT`; a
+//! `LIMIT_SPEED` (`rcs.SpeedLimit`) limits every driver until `RUN`: a turn rate decreases with the speed, so that the
+//! vehicle drives the same arc, and with a limit of 0 it is held. An emergency stop remains active across `INIT`; a
 //! pressed bumper still holds after it, and a sensor that was silent before is still missed. A sensor that repeats its last
 //! message, by the time that this states, is silent.
 //!

@@ -5,12 +5,12 @@ use crate::control::{Aim, Drive, Ramps, Slip, Wheels};
 use crate::gate::{DriveRequest, Gate, LastRequest, Limits, Turn};
 use crate::proto::{SteeringKind, VehicleInterfaceParams};
 use rcs_geom::wrap_angle;
-use rcs_msg::Stamp;
 use rcs_msg::foxglove::Odometry;
 use rcs_msg::rcs::{
     Bumper, DriveCommand, EmergencyStop, Imu, MotorCurrents, ProcessState, SpeedLimit, Status, VehicleStatus,
     WheelCommand, WheelEncoders,
 };
+use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, InputRole, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, Repeats, pose_of, stop_reason};
 use serde::{Deserialize, Serialize};
@@ -85,6 +85,8 @@ struct Decision {
     wanted_speed_mps: f64,
     /// Why the vehicle is being stopped; empty where it is not.
     stop_reason: String,
+    /// The limit of `LIMIT_SPEED`, m/s; infinite without one.
+    limit_mps: f64,
 }
 
 impl Sensed {
@@ -122,11 +124,21 @@ impl Decision {
     /// Stops the vehicle at once.
     fn halt(reason: &str) -> Decision {
         let stop_reason = format!("emergency stop: {reason}");
-        Decision { aim: Aim::Halt, wanted_speed_mps: 0.0, stop_reason }
+        Decision { aim: Aim::Halt, stop_reason, ..Decision::stop("") }
     }
 
     fn stop(reason: impl Into<String>) -> Decision {
-        Decision { aim: Aim::Stop, wanted_speed_mps: 0.0, stop_reason: reason.into() }
+        let (stop_reason, limit_mps) = (reason.into(), f64::INFINITY);
+        Decision { aim: Aim::Stop, wanted_speed_mps: 0.0, stop_reason, limit_mps }
+    }
+
+    /// The same with a limit of the speed, m/s; one of 0 holds the vehicle.
+    fn limited_to(mut self, limit_mps: f64) -> Decision {
+        (self.aim, self.limit_mps) = (self.aim.limited_to(limit_mps), limit_mps);
+        if limit_mps == 0.0 && ["", stop_reason::BUMPER].contains(&self.stop_reason.as_str()) {
+            "the speed limit is 0 m/s".clone_into(&mut self.stop_reason);
+        }
+        self
     }
 }
 
@@ -184,11 +196,11 @@ impl Process for VehicleInterface {
         let limit =
             cx.command::<Self>().map(|VehicleInterfaceCommand::LimitSpeed(limit)| limit.max_speed_mps);
         let decision = |vehicle_interface: &Self, cx: &Cycle<'_>| {
-            let mut decision = vehicle_interface.decide(ports, params, cx);
-            if let Some(limit_mps) = limit {
-                decision.aim = decision.aim.limited_to(limit_mps);
+            let decision = vehicle_interface.decide(ports, params, cx);
+            match limit {
+                Some(limit_mps) => decision.limited_to(limit_mps),
+                None => decision,
             }
-            decision
         };
         self.step(ports, params, cx, decision);
     }
@@ -296,12 +308,10 @@ impl VehicleInterface {
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         let [encoders_repeat, imu_repeats, bumper_repeats] = &mut self.sensed.repeats;
         let stated = |time: Option<&_>| time.and_then(Stamp::from_proto);
-        let encoders = cx.read_newest(&ports.encoders);
-        let encoders = encoders.filter(|message| !encoders_repeat.take(stated(message.timestamp.as_ref())));
-        let imu = cx.read_newest(&ports.imu);
-        let imu = imu.filter(|message| !imu_repeats.take(stated(message.timestamp.as_ref())));
-        let bumper = cx.read_newest(&ports.bumper);
-        let bumper = bumper.filter(|message| !bumper_repeats.take(stated(message.timestamp.as_ref())));
+        let encoders =
+            newest(&ports.encoders, encoders_repeat, |message| stated(message.timestamp.as_ref()), cx);
+        let imu = newest(&ports.imu, imu_repeats, |message| stated(message.timestamp.as_ref()), cx);
+        let bumper = newest(&ports.bumper, bumper_repeats, |message| stated(message.timestamp.as_ref()), cx);
         if let Some(encoders) = encoders {
             let wheels_mps = [encoders.left_mps, encoders.right_mps];
             if wheels_mps.iter().all(|speed_mps| speed_mps.abs() <= FASTEST_WHEEL_MPS) {
@@ -433,7 +443,7 @@ impl VehicleInterface {
                 None => return Decision::stop("local position is not known: no heading can be steered for"),
             },
         };
-        Decision { aim, wanted_speed_mps: request.speed_mps, stop_reason }
+        Decision { aim, wanted_speed_mps: request.speed_mps, stop_reason, limit_mps: f64::INFINITY }
     }
 
     fn send(&self, ports: &Ports, decision: &Decision, wheels: Wheels, limits: &Limits, cx: &mut Cycle<'_>) {
@@ -464,7 +474,7 @@ impl VehicleInterface {
             right_a: sensed.right_a,
             bumper_left: sensed.bumper_left,
             bumper_right: sensed.bumper_right,
-            max_speed_mps: limits.speed_mps,
+            max_speed_mps: limits.speed_mps.min(decision.limit_mps),
             max_yaw_rate_radps: limits.yaw_rate_radps,
         };
         cx.write(&ports.vehicle, now, status);
@@ -474,6 +484,16 @@ impl VehicleInterface {
             cx.exec(format!("held: {}", decision.stop_reason));
         }
     }
+}
+
+/// The newest message since the cycle before, unless it repeats the one before it, by the time that it states.
+fn newest<T: Payload>(
+    port: &In<T>,
+    repeats: &mut Repeats,
+    stated: impl Fn(&T) -> Option<Stamp>,
+    cx: &mut Cycle<'_>,
+) -> Option<Msg<T>> {
+    cx.read_newest(port).filter(|message| !repeats.take(stated(message)))
 }
 
 fn take(gate: &mut Gate, command: &Msg<DriveCommand>, now: Stamp, limits: &Limits) -> Result<(), String> {

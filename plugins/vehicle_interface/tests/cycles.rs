@@ -516,16 +516,25 @@ fn a_speed_limit_holds_for_whoever_drives_until_run() {
         parameters: AnyMessage::new(rcs::SpeedLimit { max_speed_mps }).bytes(),
         ..Default::default()
     };
+    assert_eq!(bench.vehicle().max_speed_mps, 1.3);
     bench.write_command(limit(2, 0.25));
     bench.drive_for(1.0, 60);
-    assert_eq!(bench.wheels(), [0.25, 0.25]);
+    assert_eq!((bench.wheels(), bench.vehicle().max_speed_mps), ([0.25, 0.25], 0.25));
     bench.write_command(limit(3, f64::NAN));
     bench.drive_for(1.0, 60);
     assert_eq!(bench.wheels(), [0.25, 0.25], "what is refused changes nothing");
     assert!(bench.status().state_text.contains("max_speed_mps"), "{}", bench.status().state_text);
-    bench.say(4, "RUN");
+    // Nothing moves, and nobody is told that the vehicle is free to.
+    bench.write_command(limit(4, 0.0));
+    for _ in 0..60 {
+        bench.drive("drive", 0.0, Some(0.8));
+        bench.run(1);
+    }
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+    assert_eq!(bench.vehicle().stop_reason, "the speed limit is 0 m/s");
+    bench.say(5, "RUN");
     bench.drive_for(1.0, 60);
-    assert_eq!(bench.wheels(), [1.0, 1.0]);
+    assert_eq!((bench.wheels(), bench.vehicle().max_speed_mps), ([1.0, 1.0], 1.3));
 }
 
 #[test]

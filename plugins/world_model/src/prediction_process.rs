@@ -11,7 +11,9 @@ use rcs_msg::foxglove::{
     CameraCalibration, Color, Grid, ImageAnnotations, Point2, PointsAnnotation, PosesInFrame, RawImage,
 };
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, read_calibration};
+use rcs_sense::{
+    Axes, Extrinsics, Localizer, LocalizerError, PosePorts, SensorTime, camera_of, read_calibration,
+};
 use rcs_world::{GridView, GridViewError};
 use serde::{Deserialize, Serialize};
 
@@ -103,25 +105,27 @@ impl Prediction {
         cx: &mut Cycle<'_>,
     ) -> Result<usize, Unusable> {
         let (time, extrinsics) = (image.acq_time(), extrinsics(params));
+        let taken = SensorTime::of(image);
         let sight = Sight {
             camera: self.camera.as_ref().ok_or(Unusable::NoCalibration)?,
             vehicle_from_camera: &extrinsics.vehicle_from_sensor(
                 &self.localizer,
                 &image.frame_id,
                 Axes::Optical,
-                time,
+                taken,
             )?,
-            local_from_vehicle: &extrinsics.local_from_vehicle(&self.localizer, time)?,
+            local_from_vehicle: &extrinsics.local_from_vehicle(&self.localizer, taken)?,
             below_m: params.wheels_below_m,
             range_m: params.range_m,
         };
-        let is_recent = |of: Stamp| time.seconds_since(of).abs() <= params.map_max_age_s;
+        // Clocks may be ahead: image, map and path count as no newer than their arrival.
+        let is_recent = |of: Stamp| taken.on_arrival().seconds_since(of).abs() <= params.map_max_age_s;
         let in_local = |what: &'static str, frame: &str| {
             let expected = extrinsics.frames.local;
             let fault = || Unusable::Frame { what, got: frame.to_owned(), expected: expected.to_owned() };
             if frame == expected { Ok(()) } else { Err(fault()) }
         };
-        let map = cx.latest(&ports.map).filter(|map| is_recent(map.acq_time()));
+        let map = cx.latest(&ports.map).filter(|map| is_recent(map.acq_time_on_arrival()));
         let map = map.as_ref().map(|map| GridView::of(map.message())).transpose()?;
         let mut standing = Vec::new();
         if let Some(map) = &map {
@@ -129,7 +133,8 @@ impl Prediction {
             standing = obstacles(map, &sight)?;
         }
         let mut parts = Vec::new();
-        if let Some(planned) = cx.latest(&ports.path).filter(|planned| is_recent(planned.acq_time())) {
+        let planned = cx.latest(&ports.path).filter(|planned| is_recent(planned.acq_time_on_arrival()));
+        if let Some(planned) = planned {
             in_local("path", &planned.frame_id)?;
             let places: Vec<DVec2> = planned
                 .poses

@@ -15,8 +15,8 @@ use rcs_world::UNKNOWN_COST;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Support that a metre of motion must gain once a map is registered, when it is moved by up to this far at a time, m,
-/// because the local frame drifts slowly.
+/// Support that a metre of motion must gain once a map is registered, when it is moved by up to this far at a time, m, or a
+/// cell where cells are larger, because the local frame drifts slowly.
 const FOLLOW_WORTH: f64 = 0.1;
 const FOLLOW_M: f64 = 0.4;
 /// Angle by which a registered map is turned at a time, rad, support that a radian must gain, and greatest angle from
@@ -257,6 +257,7 @@ impl Placed {
         least: usize,
     ) -> Placed {
         let from = self.fit.moved;
+        let within_m = FOLLOW_M.max(remembered.map.cell_size_m);
         let worth = |&(turn_rad, placed): &(f64, Placed)| {
             let fit = placed.fit;
             fit.support - FOLLOW_WORTH * fit.moved.distance(from) - TURN_WORTH * f64::abs(turn_rad)
@@ -265,7 +266,7 @@ impl Placed {
         let places = turns.filter_map(|turn_rad| {
             let global_from_local = turned(&self.global_from_local, middle, turn_rad);
             let seen = seen_in_local.placed(|place| at(&global_from_local, place));
-            let fit = remembered.register(&seen, from, FOLLOW_M, FOLLOW_WORTH, least)?;
+            let fit = remembered.register(&seen, from, within_m, FOLLOW_WORTH, least)?;
             let placed = Placed { global_from_local, fit };
             // One that lies farther from the estimate is turned back.
             let most_rad = MOST_TURN_RAD.max(self.turned_rad(estimated).abs());

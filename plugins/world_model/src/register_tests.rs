@@ -39,6 +39,23 @@ fn a_map_of_small_cells_is_moved_by_several_at_a_time() {
 }
 
 #[test]
+fn a_registered_map_of_cells_that_are_larger_than_it_is_moved_at_a_time_is_moved_by_one() {
+    let wall = |corner: DVec2| {
+        let mut map = Rectangle::around(&[DVec2::ZERO], 10.0, 0.5).unwrap();
+        for index in 0..map.costs.len() {
+            let from_corner = map.centre(index) - corner;
+            map.costs[index] = if (0.0..1.0).contains(&from_corner.min_element()) { 250 } else { 0 };
+        }
+        map
+    };
+    let moved = DVec2::new(0.5, 0.0);
+    let (seen, remembered) = (seen(&wall(DVec2::ZERO)), Remembered::new(wall(-moved)));
+    let placed = Placed { global_from_local: Pose::IDENTITY, fit: Fit::default() };
+    let placed = placed.followed(&remembered, &seen, DVec2::ZERO, &Pose::IDENTITY, 30);
+    assert!(placed.fit.moved.abs_diff_eq(moved, 1e-9), "{:?}", placed.fit);
+}
+
+#[test]
 fn of_two_parallel_walls_one_does_not_lie_on_the_other() {
     // A corridor 2.4 m wide that is remembered only as far as its walls.
     let corridor = |south: f64| {

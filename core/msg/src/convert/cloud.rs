@@ -48,24 +48,26 @@ fn point_cloud2(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         }
         data = swapped.into();
     }
-    let pose = Pose {
-        position: Some(Vector3::default()),
-        orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-    };
     Ok(AnyMessage::new(PointCloud {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
-        pose: Some(pose),
+        pose: Some(identity()),
         point_stride,
         fields,
         data,
     }))
 }
 
-/// The points of all rows, without padding between rows.
+/// The pose of points that are given in the frame of their message.
+pub(super) fn identity() -> Pose {
+    let orientation = Quaternion { w: 1.0, ..Quaternion::default() };
+    Pose { position: Some(Vector3::default()), orientation: Some(orientation) }
+}
+
+/// The points of all rows, without padding between rows. A step of 0 is not set: there is no padding.
 fn rows(data: &Bytes, width: u32, height: u32, point_stride: u32, row_step: u32) -> Result<Bytes, Unusable> {
     let row = u64::from(width) * u64::from(point_stride);
-    let step = u64::from(row_step);
+    let step = if row_step == 0 { row } else { u64::from(row_step) };
     if height > 1 && step < row {
         return Err(Unusable::Content { what: "row step of the point cloud", got: step, expected: row });
     }

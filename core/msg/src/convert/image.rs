@@ -61,14 +61,15 @@ fn swapped(data: &Bytes, size: usize) -> Bytes {
 }
 
 /// ROS 2 has long names for formats (`rgb8; jpeg compressed bgr8`), Foxglove one word. A 16-bit depth image (`16UC1;
-/// compressedDepth png`) is a PNG behind 12 bytes of settings, which only quantised 32-bit depth needs.
+/// compressedDepth png`) is a PNG behind 12 bytes of settings. Quantised 32-bit depth needs them: it keeps them and its
+/// format, by which `image::decompress` reads it.
 fn compressed_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     const DEPTH_SETTINGS: usize = 12;
     let header = source.header()?;
     let mut format = source.cursor.string()?;
     let mut data = source.shared()?;
     if format.contains("compressedDepth") {
-        if format.starts_with("16UC1") && data.len() >= DEPTH_SETTINGS {
+        if format.starts_with("16UC1") && !format.contains("rvl") && data.len() >= DEPTH_SETTINGS {
             data = data.slice(DEPTH_SETTINGS..);
             "png".clone_into(&mut format);
         }

@@ -3,17 +3,23 @@
 //! | from | to | file |
 //! | --- | --- | --- |
 //! | every message of the registry, by name | itself, typed | `schema.rs` |
+//! | `foxglove.*` in JSON | the same message, typed | `json.rs` |
+//! | `foxglove.LaserScan` of a log | `foxglove.PointCloud` | `scan.rs` |
 //! | `sensor_msgs/Image` | `foxglove.RawImage` | `image.rs` |
 //! | `sensor_msgs/CompressedImage` | `foxglove.CompressedImage` | `image.rs` |
 //! | `sensor_msgs/CameraInfo` | `foxglove.CameraCalibration` | `image.rs` |
 //! | `sensor_msgs/PointCloud2` | `foxglove.PointCloud` | `cloud.rs` |
+//! | `sensor_msgs/LaserScan` | `foxglove.PointCloud` | `scan.rs` |
 //! | `sensor_msgs/Imu` | `rcs.Imu` | `navigation.rs` |
 //! | `sensor_msgs/NavSatFix` | `foxglove.LocationFix` | `navigation.rs` |
 //! | `nav_msgs/Odometry` | `foxglove.Odometry` | `navigation.rs` |
 //! | `geometry_msgs/PoseStamped` | `foxglove.PoseInFrame` | `pose.rs` |
+//! | `geometry_msgs/PoseWithCovarianceStamped` | `foxglove.Odometry` | `pose.rs` |
+//! | `geometry_msgs/PoseArray` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `nav_msgs/Path` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `tf2_msgs/TFMessage` | `foxglove.FrameTransforms` | `pose.rs` |
 //! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs` |
+//! | `rcl_interfaces/Log` | `foxglove.Log` | `log.rs` |
 //!
 //! ROS 2 messages are read directly from their CDR bytes; pixels and points share those bytes. If the definition in a
 //! log differs from ROS 2's definition of that name, its messages are refused.
@@ -21,11 +27,15 @@
 mod cloud;
 mod grid;
 mod image;
+mod json;
+mod log;
 mod navigation;
 mod pose;
+mod scan;
 
 use crate::any::AnyMessage;
 use crate::definition::MessageEncoding;
+use crate::foxglove::LaserScan;
 use crate::guard::guarded;
 use crate::reader::Reader;
 use crate::reader::cdr::{CdrError, Cursor};
@@ -33,6 +43,7 @@ use crate::registry::{Known, registry};
 use crate::schema::Schema;
 use bytes::Bytes;
 use prost_types::Timestamp;
+use std::sync::Arc;
 
 /// Why a message cannot be converted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -72,13 +83,17 @@ const ROS2: &[&Conversion] = &[
     &image::COMPRESSED_IMAGE,
     &image::CAMERA_INFO,
     &cloud::POINT_CLOUD2,
+    &scan::LASER_SCAN,
     &navigation::IMU,
     &navigation::NAV_SAT_FIX,
     &navigation::ODOMETRY,
     &pose::POSE_STAMPED,
+    &pose::POSE_WITH_COVARIANCE_STAMPED,
+    &pose::POSE_ARRAY,
     &pose::PATH,
     &pose::TF_MESSAGE,
     &grid::OCCUPANCY_GRID,
+    &log::LOG,
 ];
 
 /// Converts a message of a topic to its canonical message; `None` if no conversion exists for its schema.
@@ -86,7 +101,7 @@ pub fn canonical(topic_schema: &Schema, bytes: &Bytes) -> Option<Result<AnyMessa
     let malformed =
         |reason: String| ConvertError::Malformed { schema: topic_schema.name().to_owned(), reason };
     if let Some(known) = ours(topic_schema) {
-        let message = guarded(|| (known.decode)(bytes.clone()).map_err(|error| error.to_string()));
+        let message = guarded(|| typed(topic_schema, known, bytes));
         return Some(message.and_then(|message| message).map_err(malformed));
     }
     Some(conversion(topic_schema)?.and_then(|conversion| {
@@ -100,11 +115,39 @@ pub fn canonical(topic_schema: &Schema, bytes: &Bytes) -> Option<Result<AnyMessa
 
 /// Full name of the schema of the messages that [`canonical`] makes from this schema; `None` if it makes none.
 pub fn canonical_name(schema: &Schema) -> Option<&'static str> {
+    if is_scan(schema) {
+        return Some(scan::CLOUD);
+    }
     ours(schema).map(|known| known.name).or_else(|| conversion(schema)?.ok().map(|conversion| conversion.to))
 }
 
 fn ours(schema: &Schema) -> Option<&'static Known> {
-    (*schema.message_encoding() == MessageEncoding::Protobuf).then(|| registry().known(schema.name()))?
+    let is_ours = match schema.message_encoding() {
+        MessageEncoding::Protobuf => true,
+        MessageEncoding::Json => schema.name().starts_with("foxglove."),
+        MessageEncoding::Cdr | MessageEncoding::Other(_) => false,
+    };
+    is_ours.then(|| registry().known(schema.name()))?
+}
+
+/// Whether messages of this schema are scans of a log, which become clouds. Scans that a stack itself writes have the
+/// registry's own schema and keep their type, which is that of their buffer.
+fn is_scan(schema: &Schema) -> bool {
+    let is_own =
+        || registry().schema(scan::FOXGLOVE).is_some_and(|own| std::ptr::eq(schema, Arc::as_ptr(own)));
+    schema.name() == scan::FOXGLOVE && ours(schema).is_some() && !is_own()
+}
+
+/// A message of the registry in its typed form.
+fn typed(schema: &Schema, known: &Known, bytes: &Bytes) -> Result<AnyMessage, String> {
+    let message = match schema.message_encoding() {
+        MessageEncoding::Json => json::decode(known, bytes)?,
+        _ => (known.decode)(bytes.clone()).map_err(|error| error.to_string())?,
+    };
+    match message.get::<LaserScan>().filter(|_| is_scan(schema)) {
+        Some(scan) => scan::of_foxglove(scan).map_err(|error| error.to_string()),
+        None => Ok(message),
+    }
 }
 
 fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertError>> {
@@ -153,16 +196,20 @@ impl<'a> Source<'a> {
         Ok(Self { bytes, cursor: Cursor::new(bytes)? })
     }
 
-    fn header(&mut self) -> Result<Header, Unusable> {
+    fn time(&mut self) -> Result<Timestamp, Unusable> {
         let seconds = self.cursor.i32()?.into();
         let nanos = self.cursor.u32()?;
         let nanos =
             i32::try_from(nanos).ok().filter(|nanos| *nanos < 1_000_000_000).ok_or(Unusable::Content {
-                what: "nanoseconds of the header",
+                what: "nanoseconds of a time",
                 got: nanos.into(),
                 expected: 999_999_999,
             })?;
-        Ok(Header { timestamp: Some(Timestamp { seconds, nanos }), frame_id: self.cursor.string()? })
+        Ok(Timestamp { seconds, nanos })
+    }
+
+    fn header(&mut self) -> Result<Header, Unusable> {
+        Ok(Header { timestamp: Some(self.time()?), frame_id: self.cursor.string()? })
     }
 
     /// A sequence of bytes, shared with the message.

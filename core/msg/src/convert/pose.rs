@@ -2,13 +2,27 @@
 
 use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
-use crate::foxglove::{FrameTransform, FrameTransforms, PoseInFrame, PosesInFrame};
+use crate::foxglove::{FrameTransform, FrameTransforms, Odometry, PoseInFrame, PosesInFrame};
 
 pub(super) const POSE_STAMPED: Conversion = Conversion {
     from: "geometry_msgs/PoseStamped",
     signature: "iIsddddddd",
     to: "foxglove.PoseInFrame",
     convert: pose_stamped,
+};
+
+pub(super) const POSE_WITH_COVARIANCE_STAMPED: Conversion = Conversion {
+    from: "geometry_msgs/PoseWithCovarianceStamped",
+    signature: "iIsddddddd[36]d",
+    to: "foxglove.Odometry",
+    convert: pose_with_covariance_stamped,
+};
+
+pub(super) const POSE_ARRAY: Conversion = Conversion {
+    from: "geometry_msgs/PoseArray",
+    signature: "iIs[](ddddddd)",
+    to: "foxglove.PosesInFrame",
+    convert: pose_array,
 };
 
 pub(super) const PATH: Conversion = Conversion {
@@ -27,6 +41,8 @@ pub(super) const TF_MESSAGE: Conversion = Conversion {
 
 /// Bytes of the numbers of a stamped pose. A sequence cannot have more poses than the message has room for.
 const STAMPED_POSE_SIZE: usize = 68;
+/// Bytes of the numbers of a pose.
+const POSE_SIZE: usize = 56;
 
 fn pose_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
@@ -37,13 +53,36 @@ fn pose_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     }))
 }
 
-/// In ROS 2 each pose has a header of its own. By convention it repeats the header of the path, which is the one kept.
-fn path(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+/// Foxglove has a covariance of the pose in its odometry only; the body frame and the velocities are not known.
+fn pose_with_covariance_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
+    Ok(AnyMessage::new(Odometry {
+        timestamp: header.timestamp,
+        frame_id: header.frame_id,
+        pose: Some(source.pose()?),
+        pose_covariance: source.floats(36)?,
+        ..Odometry::default()
+    }))
+}
+
+fn pose_array(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let header = source.header()?;
+    let count = source.cursor.length(POSE_SIZE)?;
+    let poses = (0..count).map(|_| source.pose()).collect::<Result<Vec<_>, Unusable>>()?;
+    Ok(AnyMessage::new(PosesInFrame { timestamp: header.timestamp, frame_id: header.frame_id, poses }))
+}
+
+/// In ROS 2 each pose has a header of its own. By convention it repeats the header of the path, which is the one kept.
+/// Some planners name the frame in the poses only: then it is that of the first pose.
+fn path(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let mut header = source.header()?;
     let count = source.cursor.length(STAMPED_POSE_SIZE)?;
     let mut poses = Vec::with_capacity(count);
-    for _ in 0..count {
-        source.header()?;
+    for index in 0..count {
+        let own = source.header()?;
+        if index == 0 && header.frame_id.is_empty() {
+            header.frame_id = own.frame_id;
+        }
         poses.push(source.pose()?);
     }
     Ok(AnyMessage::new(PosesInFrame { timestamp: header.timestamp, frame_id: header.frame_id, poses }))

@@ -6,7 +6,8 @@ use super::fields::FieldSeries;
 use super::recording_state::RecordingState;
 use super::run_tag::RunTag;
 use super::tracks::Track;
-use crate::conversion::canonical;
+use super::transform_clock::TransformClock;
+use crate::conversion::{acquisition_time, canonical, states_acquisition};
 use crate::history::{Moment, RunId, RunSummary};
 use crate::role::{ROLE, Role};
 use rcs_bus::Sample;
@@ -82,6 +83,10 @@ pub struct Topic {
 /// A topic that nobody has read in so many frames is not converted before it is shown.
 const LATELY: u8 = 8;
 
+/// Most bytes of a message that is decoded completely for its time of acquisition: one of JSON takes several times as
+/// much.
+const MOST_DECODED_BYTES: usize = 8 << 20;
+
 impl Topic {
     /// A topic of which only name and type are known.
     pub fn new(name: &str, run: RunTag, schema: Arc<Schema>) -> Self {
@@ -128,6 +133,21 @@ impl Topic {
             self.read_lately.store(left - 1, Ordering::Relaxed);
             self.converted();
         }
+    }
+
+    /// Time of acquisition of the newest message: what the message or its writer says ([`crate::acquisition_time`]). A
+    /// recorded message is converted for it; of one that is only decoded and is large, the time of publication counts.
+    /// `None` before the first message.
+    pub fn acq_time(&self) -> Option<Stamp> {
+        let Sample { header, message } = self.latest.as_ref()?;
+        if !self.run.is_recorded() || states_acquisition(&self.metadata) {
+            return Some(header.acq_time);
+        }
+        let message = self.converted().unwrap_or(message);
+        if !message.is_typed() && message.bytes().len() > MOST_DECODED_BYTES {
+            return Some(header.acq_time);
+        }
+        Some(acquisition_time(message, header.acq_time, header.log_time))
     }
 
     /// The newest message, if it is a `T` or converts to one.
@@ -242,6 +262,8 @@ pub struct Frame {
     pub fields: Arc<[FieldSeries]>,
     /// Transforms up to now; static transforms of the whole log.
     pub transforms: Arc<TransformTree>,
+    /// The clock of the transforms of a recording.
+    pub transform_clock: Arc<TransformClock>,
     /// The runs of the stack.
     pub runs: Runs,
     /// State of playing.
@@ -271,6 +293,7 @@ impl Frame {
             events: Arc::new([]),
             fields: Arc::new([]),
             transforms: Arc::new(TransformTree::new()),
+            transform_clock: Arc::default(),
             runs: Runs::default(),
             playback: Playback::default(),
             recording: None,
@@ -289,6 +312,17 @@ impl Frame {
             }
             _ => Some(self),
         }
+    }
+
+    /// The time by the clock of the transforms at a log time: what is placed at [`Frame::now`] is looked up at this.
+    pub fn transform_time(&self, log_time: Stamp) -> Stamp {
+        self.transform_clock.at(log_time)
+    }
+
+    /// The time by the clock of the transforms at which a message is placed: its time of acquisition, or where that is of
+    /// another clock (of a sensor, or of the log), the time of its log time.
+    pub fn placing_time(&self, acquired: Stamp, log_time: Stamp) -> Stamp {
+        if self.transform_clock.covers(acquired) { acquired } else { self.transform_time(log_time) }
     }
 
     /// The topic with this name; the computed one if it exists in both.
@@ -348,7 +382,7 @@ impl Frame {
 mod tests {
     use super::*;
     use rcs_bus::{Header, WriterId};
-    use rcs_msg::foxglove::Vector2;
+    use rcs_msg::foxglove::{PointCloud, Vector2};
     use rcs_msg::schema_of;
 
     #[test]
@@ -369,6 +403,25 @@ mod tests {
             assert!(is_converted(false));
         }
         assert!(!is_converted(false));
+    }
+
+    #[test]
+    fn a_recorded_message_was_acquired_at_its_own_stamp_but_for_those_that_state_it_beside() {
+        let message = PointCloud { timestamp: Some(Stamp(3).to_proto()), ..PointCloud::default() };
+        let stored = AnyMessage::new(message);
+        let stored = AnyMessage::encoded(stored.schema(), stored.bytes());
+        let header =
+            Header { sequence: 1, log_time: Stamp(9), acq_time: Stamp(7), writer: WriterId::RUNTIME };
+        let topic = |run: RunTag| {
+            let topic = Topic::new("/a", run, stored.schema());
+            topic.with_latest(Sample { header, message: stored.clone() })
+        };
+        let mut recorded = topic(RunTag::Recorded);
+        assert!(recorded.canonical.get().is_none(), "nothing is decoded before it is asked for");
+        assert_eq!(recorded.acq_time(), Some(Stamp(3)));
+        recorded.metadata = Arc::new([("rcs.writer".to_owned(), "lidar".to_owned())].into());
+        assert_eq!(recorded.acq_time(), Some(Stamp(7)));
+        assert_eq!(topic(RunTag::FIRST).acq_time(), Some(Stamp(7)));
     }
 
     #[test]

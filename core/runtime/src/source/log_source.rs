@@ -20,6 +20,8 @@ pub struct LogSource {
     place: MessagePosition,
     /// Number of problems of the log in `info`.
     told_problems: usize,
+    /// Number of doubtful transforms in `info`.
+    told_doubts: usize,
     generation: u64,
     comparing: Comparing,
 }
@@ -44,6 +46,7 @@ impl LogSource {
             info,
             processes,
             told_problems,
+            told_doubts: 0,
             generation: 0,
             comparing: Comparing::default(),
         })
@@ -96,6 +99,7 @@ impl Source for LogSource {
             events: Arc::new([self.view.events()]),
             fields: self.view.fields().collect(),
             transforms: Arc::clone(&self.view.shared_tree),
+            transform_clock: Arc::clone(&self.view.shared_clock),
             runs: Runs::default(),
             playback: Playback::default(),
             recording: None,
@@ -172,13 +176,18 @@ impl Source for LogSource {
 }
 
 impl LogSource {
-    /// Adds the problems that were found since the log was opened.
+    /// Adds the problems and doubts that were found since the log was opened.
     fn tell_problems(&mut self) {
         let told = self.told_problems;
         let problems = self.view.log().problems();
         if problems.len() > told {
             self.told_problems = problems.len();
             Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
+        }
+        let doubts = self.view.doubts();
+        if doubts.len() > self.told_doubts {
+            Arc::make_mut(&mut self.info).problems.extend_from_slice(&doubts[self.told_doubts..]);
+            self.told_doubts = doubts.len();
         }
     }
 

@@ -1,11 +1,12 @@
 //! The topics of a log at one moment, and background reading of the log.
 
 use super::events::{EventWatch, Events, is_event_type};
-use super::fields::{FieldSeries, LogFields};
+use super::fields::{FieldSeries, LogFields, alike};
 use super::frame::Topic;
 use super::rates::{LastTimes, WINDOW_NS};
 use super::run_tag::RunTag;
 use super::tracks::{Track, Tracks, is_pose_type, is_transform_type};
+use super::transform_clock::TransformClock;
 use super::{Source, SourceError};
 use crate::conversion::canonical;
 use rcs_bus::{Header, Sample, WriterId};
@@ -49,6 +50,7 @@ pub(crate) struct LogView {
     events: EventWatch,
     shared_len: usize,
     pub(crate) shared_tree: Arc<TransformTree>,
+    pub(crate) shared_clock: Arc<TransformClock>,
 }
 
 impl LogView {
@@ -112,6 +114,7 @@ impl LogView {
             events: EventWatch::default(),
             shared_len: 0,
             shared_tree: Arc::default(),
+            shared_clock: Arc::default(),
         }
     }
 
@@ -217,6 +220,7 @@ impl LogView {
         let header = Header {
             sequence: u64::from(stored.sequence),
             log_time: stored.log_time,
+            // What the message itself says is read where it is needed: `Topic::acq_time`.
             acq_time: stored.publish_time,
             writer: WriterId::RUNTIME,
         };
@@ -232,10 +236,8 @@ impl LogView {
     pub(crate) fn gather(&mut self, fields: &[FieldRef], is_wanted: impl Fn(&str) -> bool) {
         let Self { log, topics, by_id, reassembly, fields: gathered, .. } = self;
         gathered.gather(log, fields, |name| {
-            let shown = |index: &usize| *topics[*index].name == *name;
-            let (&id, &index) = by_id.iter().find(|(_, index)| shown(index)).filter(|_| is_wanted(name))?;
-            let ids = [Some(id), reassembly.deltas_of(id)].into_iter().flatten().collect();
-            Some((Arc::clone(&topics[index].schema), ids))
+            let shown = by_id.iter().filter(|(_, index)| *topics[**index].name == *name && is_wanted(name));
+            alike(shown.filter_map(|(id, _)| log.info().topic(*id)), reassembly)
         });
     }
 
@@ -280,6 +282,7 @@ impl LogView {
         if !more || self.tracks.len() > self.shared_len + self.shared_len / 2 + 64 {
             self.shared_len = self.tracks.len();
             self.shared_tree = Arc::new(self.tracks.tree());
+            self.shared_clock = Arc::new(self.tracks.clock());
         }
         more || self.fields.is_reading()
     }
@@ -287,6 +290,11 @@ impl LogView {
     /// The tracks of the log, as far as they have been read.
     pub(crate) fn tracks(&self) -> impl Iterator<Item = Track> + '_ {
         self.tracks.read(RunTag::Recorded)
+    }
+
+    /// What is doubtful about the transforms of the log, as far as they have been read.
+    pub(crate) fn doubts(&self) -> &[String] {
+        self.tracks.doubts()
     }
 
     /// The events of the log, as far as they have been read.

@@ -25,11 +25,12 @@ mod series;
 mod stack_source;
 mod stack_steps;
 mod tracks;
+mod transform_clock;
 
 pub use compared::{Compared, Comparison};
 pub use driver::{Control, Driver};
 pub use events::{Event, EventKind, EventLevel, Events};
-pub use fields::{FieldPoint, FieldSeries, moments, points_of, read_fields, series_of};
+pub use fields::{FieldPoint, FieldSeries, exact_points, moments, points_of, read_fields, series_of};
 pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 pub use held::HeldControl;
 pub use hierarchy::{BufferInfo, Hierarchy, Node, Peer};
@@ -39,7 +40,8 @@ pub use recording_state::{RecordingEnd, RecordingState};
 pub use run_tag::RunTag;
 pub use series::{Part, Piece, Record, Series, SeriesWriter, Stretch};
 pub use stack_source::StackSource;
-pub use tracks::{Place, Position, Track, TrackBounds, TrackPoint, WGS84};
+pub use tracks::{Place, Position, Track, TrackBounds, TrackPoint, WGS84, frame_name};
+pub use transform_clock::TransformClock;
 
 use rcs_msg::{AnyMessage, Stamp};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};

@@ -1,6 +1,6 @@
 //! Transforms between the frames of a running stack, from its buffers.
 
-use super::tracks::{is_transform_type, pose_of, to_pose};
+use super::tracks::{frame_name, is_transform_type, pose_of, to_pose};
 use rcs_geom::TransformTree;
 use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeSet;
@@ -37,7 +37,7 @@ impl RunTransforms {
         } else if let Some(transform) = message.get::<foxglove::FrameTransform>() {
             self.told(transform, log_time, is_static);
         } else if let Some(odometry) = message.get::<foxglove::Odometry>() {
-            let (parent, child) = (&odometry.frame_id, &odometry.body_frame_id);
+            let (parent, child) = (frame_name(&odometry.frame_id), frame_name(&odometry.body_frame_id));
             let Some(pose) = odometry.pose.as_ref().and_then(to_pose) else { return };
             if !parent.is_empty() && !child.is_empty() && !self.told.contains(child) {
                 let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
@@ -52,7 +52,8 @@ impl RunTransforms {
             return;
         };
         let Some(pose) = pose_of(translation, rotation) else { return };
-        let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
+        let parent = frame_name(&transform.parent_frame_id);
+        let child = frame_name(&transform.child_frame_id);
         let mut place = || {
             if is_static {
                 return self.tree.set_static(parent, child, pose);
@@ -62,7 +63,7 @@ impl RunTransforms {
         };
         // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
         if place().is_ok() && !self.told.contains(child) {
-            self.told.insert(child.clone());
+            self.told.insert(child.to_owned());
         }
     }
 

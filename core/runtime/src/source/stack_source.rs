@@ -375,6 +375,7 @@ impl Source for StackSource {
                 Some(view) => Arc::clone(&view.shared_tree),
                 None => self.transforms.share(),
             },
+            transform_clock: recorded.map_or_else(Arc::default, |view| Arc::clone(&view.shared_clock)),
             runs: Runs {
                 all: Arc::clone(&self.runs),
                 moment: self.session.moment(),

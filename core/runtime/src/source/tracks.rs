@@ -1,8 +1,12 @@
 //! Tracks: positions from messages with poses, and the transforms of a log.
+//!
+//! A transform counts with its stamp. One of 0 is none where the log times are not near 0, too: such a transform counts with
+//! its log time. Stamps of another clock than that of the log are translated by [`TransformClock`].
 
 use super::per_run::Gathered;
 use super::run_tag::RunTag;
 use super::series::{Record, Series, SeriesWriter};
+use super::transform_clock::{SAME_NS, TransformClock};
 use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformTree};
 use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeMap;
@@ -13,6 +17,8 @@ const POSE_TYPES: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "fox
 const TRANSFORM_TYPES: [&str; 2] = ["foxglove.FrameTransforms", "foxglove.FrameTransform"];
 /// Coordinate frame of geodetic positions.
 pub const WGS84: &str = "wgs84";
+/// Value of `status` in the metadata of a position fix: the receiver has none (`sensor_msgs/NavSatStatus`).
+const NO_FIX: &str = "-1";
 
 pub(crate) fn is_pose_type(name: &str) -> bool {
     POSE_TYPES.contains(&name)
@@ -20,6 +26,11 @@ pub(crate) fn is_pose_type(name: &str) -> bool {
 
 pub(crate) fn is_transform_type(name: &str) -> bool {
     TRANSFORM_TYPES.contains(&name)
+}
+
+/// A coordinate frame by the name under which it is placed: like ROS 2, without a slash at its start.
+pub fn frame_name(frame_id: &str) -> &str {
+    frame_id.strip_prefix('/').unwrap_or(frame_id)
 }
 
 /// One position of a track.
@@ -109,11 +120,12 @@ impl Position {
 }
 
 impl<'a> Place<'a> {
-    /// The place that a canonical message states; `None` for other messages and for impossible poses.
+    /// The place that a canonical message states; `None` for other messages, for impossible poses, and where a receiver
+    /// says that it has no position fix.
     pub fn of(message: &'a AnyMessage) -> Option<Self> {
         let local = |frame_id: &'a str, pose: &Option<foxglove::Pose>| {
-            let pose = pose.as_ref().and_then(to_pose)?;
-            Some(Self { frame_id, position: Position::Local(pose.translation), yaw_rad: pose.yaw() })
+            let (position, yaw_rad) = pose.as_ref().and_then(position_and_yaw)?;
+            Some(Self { frame_id: frame_name(frame_id), position: Position::Local(position), yaw_rad })
         };
         if let Some(odometry) = message.get::<foxglove::Odometry>() {
             local(&odometry.frame_id, &odometry.pose)
@@ -121,6 +133,9 @@ impl<'a> Place<'a> {
             local(&stamped.frame_id, &stamped.pose)
         } else {
             let fix = message.get::<foxglove::LocationFix>()?;
+            if fix.metadata.iter().any(|pair| pair.key == "status" && pair.value == NO_FIX) {
+                return None;
+            }
             let place = Geodetic::new(fix.latitude, fix.longitude, fix.altitude).ok()?;
             Some(Self { frame_id: WGS84, position: Position::Geodetic(place), yaw_rad: f64::NAN })
         }
@@ -138,8 +153,14 @@ struct Growing {
 pub(crate) struct Tracks {
     by_topic: BTreeMap<Arc<str>, Growing>,
     tree: TransformTree,
+    clock: TransformClock,
     /// Transforms implied by odometry, used for frames of which no message gives one.
     implied: TransformTree,
+    implied_clock: TransformClock,
+    /// The topic that moves a frame, by its name; and whether another one does, too.
+    moved_by: BTreeMap<String, (Arc<str>, bool)>,
+    /// What is doubtful about the transforms, one line each.
+    doubts: Vec<String>,
 }
 
 impl Gathered for Tracks {
@@ -167,21 +188,22 @@ impl Tracks {
             self.push(topic, log_time, &place);
         }
         if let Some(odometry) = message.get::<foxglove::Odometry>() {
-            let (parent, child) = (&odometry.frame_id, &odometry.body_frame_id);
+            let (parent, child) = (frame_name(&odometry.frame_id), frame_name(&odometry.body_frame_id));
             if let Some(pose) = odometry.pose.as_ref().and_then(to_pose)
                 && !parent.is_empty()
                 && !child.is_empty()
             {
-                let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
+                let time = time_of(odometry.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
+                self.implied_clock.add(log_time, time);
                 // A loop or a number that is not finite: the track still shows it.
                 let _ = self.implied.insert(parent, child, time.0, pose);
             }
         } else if let Some(list) = message.get::<foxglove::FrameTransforms>() {
             for transform in &list.transforms {
-                self.transform(transform, log_time, is_static);
+                self.transform(topic, transform, log_time, is_static);
             }
         } else if let Some(transform) = message.get::<foxglove::FrameTransform>() {
-            self.transform(transform, log_time, is_static);
+            self.transform(topic, transform, log_time, is_static);
         }
     }
 
@@ -198,24 +220,51 @@ impl Tracks {
         track.points.push(TrackPoint { stamp, position_m, yaw_rad: place.yaw_rad });
     }
 
-    fn transform(&mut self, transform: &foxglove::FrameTransform, log_time: Stamp, is_static: bool) {
+    fn transform(
+        &mut self,
+        topic: &Arc<str>,
+        transform: &foxglove::FrameTransform,
+        log_time: Stamp,
+        is_static: bool,
+    ) {
         let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
             return;
         };
         let Some(pose) = pose_of(translation, rotation) else { return };
-        let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
-        let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
+        let parent = frame_name(&transform.parent_frame_id);
+        let child = frame_name(&transform.child_frame_id);
         // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
-        let _ = if is_static {
-            self.tree.set_static(parent, child, pose)
-        } else {
-            self.tree.insert(parent, child, time.0, pose)
-        };
+        if is_static {
+            let _ = self.tree.set_static(parent, child, pose);
+            return;
+        }
+        let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
+        self.clock.add(log_time, time);
+        if self.tree.insert(parent, child, time.0, pose).is_err() {
+            return;
+        }
+        match self.moved_by.get_mut(child) {
+            None => {
+                self.moved_by.insert(child.to_owned(), (Arc::clone(topic), false));
+            }
+            Some((first, is_told)) if **first != **topic && !*is_told => {
+                *is_told = true;
+                self.doubts.push(format!(
+                    "{parent}→{child} comes from {first} and {topic}: their transforms are mixed"
+                ));
+            }
+            Some(_) => {}
+        }
     }
 
     /// Number of positions.
     pub(crate) fn len(&self) -> usize {
         self.by_topic.values().map(|track| track.points.read().len()).sum()
+    }
+
+    /// What is doubtful about the transforms, one line each; it only grows.
+    pub(crate) fn doubts(&self) -> &[String] {
+        &self.doubts
     }
 
     /// All tracks up to now, as those of a run.
@@ -235,6 +284,28 @@ impl Tracks {
         tree.take_missing(&self.implied);
         tree
     }
+
+    /// The clock of [`Tracks::tree`]: that of the messages with transforms, or without any, of the odometry.
+    pub(crate) fn clock(&self) -> TransformClock {
+        if self.clock.is_empty() { self.implied_clock.clone() } else { self.clock.clone() }
+    }
+}
+
+/// The time with which a transform counts.
+fn time_of(stamp: Option<Stamp>, log_time: Stamp) -> Stamp {
+    stamp.filter(|stamp| stamp.0 != 0 || log_time.0 <= SAME_NS).unwrap_or(log_time)
+}
+
+/// Position, m, and heading, rad, of a pose. Four zeros are an orientation that was never set: the heading is NaN. `None`
+/// for an impossible pose.
+fn position_and_yaw(pose: &foxglove::Pose) -> Option<(DVec3, f64)> {
+    let (position, rotation) = (pose.position.as_ref()?, pose.orientation.as_ref()?);
+    if [rotation.x, rotation.y, rotation.z, rotation.w] == [0.0; 4] {
+        let position = DVec3::new(position.x, position.y, position.z);
+        return position.is_finite().then_some((position, f64::NAN));
+    }
+    let pose = pose_of(position, rotation)?;
+    Some((pose.translation, pose.yaw()))
 }
 
 pub(crate) fn to_pose(pose: &foxglove::Pose) -> Option<Pose> {
@@ -246,3 +317,7 @@ pub(crate) fn pose_of(translation: &foxglove::Vector3, rotation: &foxglove::Quat
     let translation = [translation.x, translation.y, translation.z];
     Pose::from_parts(translation, [rotation.x, rotation.y, rotation.z, rotation.w]).ok()
 }
+
+#[cfg(test)]
+#[path = "tracks_tests.rs"]
+mod tests;

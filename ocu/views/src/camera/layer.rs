@@ -10,7 +10,7 @@ use rcs_msg::Stamp;
 use rcs_msg::classes::LabelClass;
 use rcs_msg::foxglove::{CompressedImage, RawImage};
 use rcs_runtime::Role;
-use rcs_runtime::source::{Frame, Topic};
+use rcs_runtime::source::{Frame, Topic, frame_name};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -39,10 +39,11 @@ pub(super) fn look(topic: &Topic) -> Look {
 
 /// Whether the image contains ranges: by its role, or by its encoding where a log has no role metadata.
 pub(super) fn is_range(topic: &Topic) -> bool {
-    match topic.role() {
-        Some(role) => matches!(role, Role::Depth | Role::Disparity),
-        None => topic.get::<RawImage>().is_some_and(|raw| matches!(&*raw.encoding, "16UC1" | "32FC1")),
+    if let Some(role) = topic.role() {
+        return matches!(role, Role::Depth | Role::Disparity);
     }
+    let is_depth = |raw: &RawImage| matches!(&*raw.encoding, "16UC1" | "32FC1" | "64FC1");
+    topic.get::<RawImage>().is_some_and(is_depth)
 }
 
 /// The label classes in the topic's metadata.
@@ -54,10 +55,11 @@ fn classes(topic: &Topic) -> Classes {
     topic.classes().into_iter().map(label).collect()
 }
 
-/// The coordinate frame in which an image was taken.
+/// The coordinate frame in which an image was taken, without a slash at its start.
 pub(super) fn optical_frame(image: &Topic) -> Option<&str> {
     let raw = image.get::<RawImage>().map(|raw| raw.frame_id.as_str());
     raw.or_else(|| image.get::<CompressedImage>().map(|compressed| compressed.frame_id.as_str()))
+        .map(frame_name)
 }
 
 /// Whether the topic's messages are images.
@@ -134,8 +136,9 @@ pub(super) struct Layer {
     pub(super) image: DecodedImage,
     /// The coordinate frame in which it was taken.
     pub(super) optical_frame: String,
-    /// When it was taken.
+    /// When it was taken, and when it was logged.
     pub(super) taken: Stamp,
+    pub(super) log_time: Stamp,
     pub(super) look: Look,
     /// The classes of labels; of other images, none.
     pub(super) classes: Classes,
@@ -171,7 +174,8 @@ impl Layer {
         };
         Ok(Self {
             optical_frame: optical_frame(topic).unwrap_or_default().to_owned(),
-            taken: topic.latest.as_ref().map_or(Stamp(0), |sample| sample.header.acq_time),
+            taken: topic.acq_time().unwrap_or_default(),
+            log_time: topic.latest.as_ref().map(|sample| sample.header.log_time).unwrap_or_default(),
             look,
             classes,
             implausible: image.implausible(),

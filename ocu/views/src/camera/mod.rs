@@ -386,7 +386,7 @@ fn point_at(
         let scene = &seen.ground().scene;
         let p = seen.grounded(point.position_m);
         let is_here = point.frame_id == *scene;
-        let at = cx.frame.now.0;
+        let at = cx.frame.transform_time(cx.frame.now).0;
         let p = if is_here { p } else { cx.frame.transforms.lookup(scene, &point.frame_id, at).ok()? * p };
         seen.pixel(p)
     };

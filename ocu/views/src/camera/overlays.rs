@@ -153,8 +153,7 @@ fn own(overlays: &[&Topic]) -> usize {
 /// Shows that an overlay belongs to another image than the one shown. A delay of up to one image is normal for a
 /// computed overlay and is not shown, because the text would flicker.
 fn behind(ui: &mut Ui, topic: &Topic, overlay: &Topic) {
-    let acquired = |topic: &Topic| topic.latest.as_ref().map(|sample| sample.header.acq_time);
-    let (Some(image), Some(labels)) = (acquired(topic), acquired(overlay)) else { return };
+    let (Some(image), Some(labels)) = (topic.acq_time(), overlay.acq_time()) else { return };
     let behind_s = image.seconds_since(labels);
     let hz = rate_hz(topic);
     let usual_s = if hz > 0.0 { 1.5 / hz } else { 0.02 };

@@ -17,7 +17,7 @@ use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::CameraCalibration;
 use rcs_runtime::Role;
-use rcs_runtime::source::{Frame, Topic};
+use rcs_runtime::source::{Frame, Topic, frame_name};
 use rcs_world::GridView;
 
 /// Cells and places nearer than this, or farther away, are not drawn, m along the optical axis.
@@ -102,7 +102,8 @@ impl Seen {
             if size == of { Some(camera) } else { camera.resized(size).ok() }
         });
         let camera = camera.clone()?;
-        Some(Self { camera, on_ground: OnGround::of(ctx, frame, optical, layer.taken)? })
+        let at = frame.placing_time(layer.taken, layer.log_time);
+        Some(Self { camera, on_ground: OnGround::of(ctx, frame, optical, at)? })
     }
 
     pub(super) fn ground(&self) -> &Ground {
@@ -398,9 +399,8 @@ pub(super) fn offered(seen: Option<&Seen>) -> Vec<Projected> {
 /// The image of ranges that was taken with this one: of the same camera, and acquired at the same time.
 pub(super) fn ranges<'a>(frame: &'a Frame, image: &Layer) -> Option<&'a Topic> {
     let is_it = |topic: &&Topic| {
-        let at = topic.latest.as_ref().map(|sample| sample.header.acq_time);
         topic.role() == Some(Role::Depth)
-            && at == Some(image.taken)
+            && topic.acq_time() == Some(image.taken)
             && layer::optical_frame(topic) == Some(&*image.optical_frame)
     };
     frame.topics.iter().filter(|topic| !topic.is_ground_truth()).find(is_it)
@@ -409,7 +409,9 @@ pub(super) fn ranges<'a>(frame: &'a Frame, image: &Layer) -> Option<&'a Topic> {
 /// The calibration of an image: of those of its coordinate frame the one whose name is most like its own.
 fn calibration<'a>(frame: &'a Frame, image: &Topic, optical: &str) -> Option<&'a Topic> {
     let fits = |topic: &&Topic| {
-        topic.get::<CameraCalibration>().is_some_and(|calibration| calibration.frame_id == optical)
+        topic
+            .get::<CameraCalibration>()
+            .is_some_and(|calibration| frame_name(&calibration.frame_id) == optical)
     };
     // Of several equal ones that of the run: `max_by_key` returns the last one.
     let common = |topic: &&Topic| {

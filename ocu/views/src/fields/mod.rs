@@ -227,7 +227,8 @@ fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
                 let old = stale::is_stale(age_s, rate_hz(topic));
                 item(ui, "sequence", mono(header.sequence.to_string()));
                 item(ui, "log time", mono(format::clock(header.log_time.0)));
-                item(ui, "acquired", mono(format::clock(header.acq_time.0)));
+                let acquired = topic.acq_time().unwrap_or(header.acq_time);
+                item(ui, "acquired", mono(format::clock(acquired.0)));
                 let age = mono(format::age(age_s));
                 item(
                     ui,

@@ -103,7 +103,8 @@ pub(crate) struct OnGround {
 }
 
 impl OnGround {
-    /// `None` if no transform connects the camera, at the time of its image, to a map, a path or a track.
+    /// `None` if no transform connects the camera, at the time of its image (by the clock of the transforms), to a map, a
+    /// path or a track.
     pub(crate) fn of(ctx: &Context, frame: &Frame, camera: &str, at: Stamp) -> Option<Self> {
         let ground = Ground::of(ctx, frame)?;
         let camera_from_scene = layers::map_from_frame(frame, camera, &ground.scene, at).ok()?;
@@ -155,7 +156,8 @@ fn example(frame: &Frame, scene: &str) -> Option<(Vec<DVec3>, bool)> {
     let newest = examples.filter_map(|topic| Some((topic.latest.as_ref()?.header.log_time, topic)));
     let (time, topic) = newest.max_by_key(|(time, topic)| (!topic.run.is_recorded(), *time))?;
     let example = topic.get::<TrainingExample>()?;
-    let scene_from_example = layers::map_from_frame(frame, scene, &example.frame_id, time).ok()?;
+    let at = frame.transform_time(time);
+    let scene_from_example = layers::map_from_frame(frame, scene, &example.frame_id, at).ok()?;
     let corners = example.outline.iter().flat_map(|outline| &outline.points);
     let corners = corners.map(|p| scene_from_example * DVec3::new(p.x_m, p.y_m, 0.0)).collect();
     Some((corners, example.kind() == ExampleKind::ExampleGround))

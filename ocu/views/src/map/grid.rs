@@ -5,6 +5,7 @@ use ocu_ui::palette::{self, MapPalette};
 use rcs_geom::DVec3;
 use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::Grid;
+use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_world::{GridView, MapMessage, Weights, fuse_grid};
 
 /// Frame of a grid, valid or not; `None` for other messages.
@@ -13,6 +14,13 @@ pub(super) fn frame_of(message: &AnyMessage) -> Option<&str> {
         Some(map) => Some(map.frame_id()),
         None => Some(&message.get::<Grid>()?.frame_id),
     }
+}
+
+/// Whether a grid has no cells, as a map before its first measurement: there is nothing to draw, and nothing is wrong.
+pub(super) fn is_empty(message: &AnyMessage) -> bool {
+    // A map of ours has cells, and is not converted to a grid to see that.
+    let grid = || message.get::<Grid>().is_some_and(|grid| grid.data.is_empty() && grid.column_count == 0);
+    message.source::<MapMessage>().is_none() && grid()
 }
 
 /// Where a grid lies. Of our own maps it is read without their fields, which have to be named.
@@ -36,6 +44,9 @@ impl Extent {
         Some(Self { cell_m, corners: parts.map(|(x, y)| DVec3::new(corner.x + x, corner.y + y, 0.0)) })
     }
 }
+
+/// The fields of the colour of a cell, bytes.
+const COLOR_FIELDS: [&str; 3] = ["red", "green", "blue"];
 
 /// A validated grid.
 #[derive(Clone, Debug)]
@@ -85,10 +96,32 @@ impl<'a> Cells<'a> {
             .map(|p| self.0.frame_from_grid() * p)
     }
 
-    /// The fields that can be painted: first the fused cost, where there are costs of sources, then every field.
+    /// What can be painted: first the fused cost, where there are costs of sources, then the colours of the cells, where
+    /// they have some, then every field.
     pub(super) fn choices(&self) -> Vec<Shade> {
         let fused = (!self.0.sources().is_empty()).then_some(Shade::Fused);
-        fused.into_iter().chain(self.names().map(|name| Shade::Field(name.to_owned()))).collect()
+        let colors = COLOR_FIELDS.iter().all(|name| self.is_byte(name)).then_some(Shade::Colors);
+        let fields = self.names().map(|name| Shade::Field(name.to_owned()));
+        fused.into_iter().chain(colors).chain(fields).collect()
+    }
+
+    fn is_byte(&self, name: &str) -> bool {
+        self.0.field_of(name, NumericType::Uint8).is_ok()
+    }
+
+    /// The colours that the cells themselves have; `None` if they have none.
+    fn colors(&self) -> Option<Vec<Color32>> {
+        let channel = |name: &str| {
+            let mut bytes = Vec::new();
+            self.0.field_of(name, NumericType::Uint8).ok()?.bytes_into(&mut bytes);
+            Some(bytes)
+        };
+        let [Some(red), Some(green), Some(blue)] = COLOR_FIELDS.map(channel) else { return None };
+        let alpha = channel("alpha").unwrap_or_else(|| vec![u8::MAX; red.len()]);
+        let rgba = red.iter().zip(&green).zip(&blue).zip(&alpha);
+        let color =
+            |(((r, g), b), a): (((&u8, &u8), &u8), &u8)| Color32::from_rgba_unmultiplied(*r, *g, *b, *a);
+        Some(rgba.map(color).collect())
     }
 
     /// The shade with a saved name; otherwise the map's own fused cost, otherwise the first choice.
@@ -122,6 +155,11 @@ impl<'a> Cells<'a> {
         range: Option<[f64; 2]>,
         weights: Option<&Weights>,
     ) -> ColorImage {
+        if *shade == Shade::Colors
+            && let Some(pixels) = self.colors()
+        {
+            return ColorImage::new(self.size(), pixels);
+        }
         let costs: [Color32; 256] = std::array::from_fn(|cost| palette.cost(cost as u8));
         let mut bytes = Vec::new();
         let equal = Weights::default();
@@ -151,6 +189,8 @@ impl<'a> Cells<'a> {
 pub(super) enum Shade {
     /// Costs of all sources, fused again with equal weights.
     Fused,
+    /// The colours that the cells themselves have.
+    Colors,
     /// One field.
     Field(String),
 }
@@ -160,6 +200,7 @@ impl Shade {
     pub(super) fn name(&self) -> &str {
         match self {
             Self::Fused => "fused, equal weights",
+            Self::Colors => "colour",
             Self::Field(name) => name,
         }
     }
@@ -183,6 +224,7 @@ fn is_cost(name: &str) -> bool {
 mod tests {
     use super::*;
     use crate::samples;
+    use rcs_msg::foxglove::PackedElementField;
 
     #[test]
     fn a_cell_is_found_by_its_place_and_gives_every_number() {
@@ -243,6 +285,38 @@ mod tests {
                 cells.paint(&Shade::Field("cost.radar".into()), MapPalette::Papers, None, Some(&edited));
             assert_eq!(image.pixels[100 * 201 + 100], MapPalette::Papers.cost(200));
         }
+    }
+
+    #[test]
+    fn cells_with_colours_are_painted_in_them() {
+        let field = |name: &str, offset, kind: NumericType| PackedElementField {
+            name: name.into(),
+            offset,
+            r#type: kind.into(),
+        };
+        let byte = NumericType::Uint8;
+        let opaque = [field("red", 0, byte), field("green", 1, byte), field("blue", 2, byte)];
+        let clear = [&opaque[..], &[field("alpha", 3, byte)][..]].concat();
+        let number = [&opaque[..2], &[field("blue", 2, NumericType::Uint16)][..]].concat();
+        let grid = |fields: &[PackedElementField]| {
+            let (column_count, row_stride, cell_stride) = (2, 8, 4);
+            let data = vec![200_u8, 100, 50, 255, 1, 2, 3, 0].into();
+            let fields = fields.to_vec();
+            Grid { fields, data, column_count, row_stride, cell_stride, ..samples::grid(1, 1) }
+        };
+        let first = Color32::from_rgb(200, 100, 50);
+        for (fields, second) in
+            [(&opaque[..], Color32::from_rgb(1, 2, 3)), (&clear[..], Color32::TRANSPARENT)]
+        {
+            let message = AnyMessage::new(grid(fields));
+            let cells = Cells::new(&message).unwrap();
+            let shade = cells.shade(None).unwrap();
+            assert_eq!((&shade, shade.is_cost()), (&Shade::Colors, false));
+            assert_eq!(cells.range(&shade), None);
+            assert_eq!(cells.paint(&shade, MapPalette::Papers, None, None).pixels, [first, second]);
+        }
+        let message = AnyMessage::new(grid(&number));
+        assert_eq!(Cells::new(&message).unwrap().shade(None), Some(Shade::Field("red".into())));
     }
 
     #[test]

@@ -269,7 +269,8 @@ fn on_map(frame: &Frame, map: &str, point: &HoverPoint) -> Option<[f64; 2]> {
     if point.frame_id == map {
         return Some([p.x, p.y]);
     }
-    let map_from_point = frame.transforms.lookup(map, &point.frame_id, frame.now.0).ok()?;
+    let now = frame.transform_time(frame.now);
+    let map_from_point = frame.transforms.lookup(map, &point.frame_id, now.0).ok()?;
     let p = map_from_point * p;
     Some([p.x, p.y])
 }

@@ -1,16 +1,18 @@
 //! The layers of a map: everything in a frame that lies in a plane, and its pose.
 
-use super::grid::{Extent, frame_of};
+use super::grid::{Extent, frame_of, is_empty};
 use super::track::{Aligned, Alignment, Judged, Plane, course, nearest};
 use crate::cached::SameMessage;
 use crate::view::is_old;
-use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformError};
+use ocu_ui::format;
+use rcs_geom::{DVec3, Enu, Geodetic, Pose};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs::{ArcChoice, Mission, Plan};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::Role;
-use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84};
+use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84, frame_name};
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 
 /// Content of a layer.
 #[derive(Clone, Copy)]
@@ -45,9 +47,9 @@ pub(super) struct Layer<'a> {
     pub(super) name: String,
     /// Its content.
     pub(super) kind: Kind<'a>,
-    /// Its coordinate frame.
+    /// Its coordinate frame, without a slash at its start.
     pub(super) frame_id: &'a str,
-    /// Time for which the content is valid.
+    /// Time for which the content is valid, by the clock of the transforms ([`Frame::placing_time`]).
     pub(super) stamp: Stamp,
     /// The topic; a track may exist without one.
     pub(super) topic: Option<&'a Topic>,
@@ -100,14 +102,15 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     let (mut grids, mut clouds, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     for topic in frame.topics.iter() {
         let Some(sample) = &topic.latest else { continue };
-        let stamp = sample.header.acq_time;
         let layer = |kind, frame_id| {
             let name = crate::toolbar::topic_label(frame, topic);
-            Layer { name, kind, frame_id, stamp, topic: Some(topic) }
+            let acquired = topic.acq_time().unwrap_or(sample.header.acq_time);
+            let stamp = frame.placing_time(acquired, sample.header.log_time);
+            Layer { name, kind, frame_id: frame_name(frame_id), stamp, topic: Some(topic) }
         };
         match topic.type_name() {
             "foxglove.Grid" => {
-                let message = topic.canonical();
+                let message = topic.canonical().filter(|message| !is_empty(message));
                 let named = message.and_then(|message| Some((message, frame_of(message)?)));
                 grids.extend(named.map(|(message, frame_id)| layer(Kind::Grid(message), frame_id)));
             }
@@ -171,7 +174,8 @@ fn tracks(frame: &Frame) -> Vec<Layer<'_>> {
             _ => track.topic.to_string(),
         };
         let kind = Kind::Track { track, is_ghost };
-        layers.push(Layer { name, kind, frame_id: &track.frame_id, stamp: frame.now, topic });
+        let stamp = frame.transform_time(frame.now);
+        layers.push(Layer { name, kind, frame_id: &track.frame_id, stamp, topic });
     }
     layers.sort_by_key(|layer| !matches!(layer.kind, Kind::Track { is_ghost: true, .. }));
     layers
@@ -228,20 +232,14 @@ pub(super) fn map_from_layer(frame: &Frame, map: &str, layer: &Layer<'_>) -> Res
     map_from_frame(frame, map, layer.frame_id, layer.stamp)
 }
 
-/// Pose of a coordinate frame in the map's at a time; the error says that no transform connects them.
+/// Pose of a coordinate frame in the map's at a time by the clock of the transforms, before the first and after the last
+/// transform at the nearest time with one; the error says that no transform connects them.
 pub(super) fn map_from_frame(frame: &Frame, map: &str, frame_id: &str, at: Stamp) -> Result<Pose, String> {
+    let (map, frame_id) = (frame_name(map), frame_name(frame_id));
     if map == frame_id {
         return Ok(Pose::IDENTITY);
     }
-    let transforms = &frame.transforms;
-    let found = transforms.lookup(map, frame_id, at.0).or_else(|error| match error {
-        // Before the first transform and after the last one, the nearest is used.
-        TransformError::OutsideData { .. } => match transforms.newest(map, frame_id)? {
-            Some(newest) => transforms.lookup(map, frame_id, newest),
-            None => Err(error),
-        },
-        error => Err(error),
-    });
+    let found = frame.transforms.lookup_nearest(map, frame_id, at.0);
     found.map_err(|_| format!("frame {:?} is not connected to {:?}", frame_label(frame_id), frame_label(map)))
 }
 
@@ -304,10 +302,13 @@ impl Tracks {
         for (layer, track, _) in tracks.iter().filter(|(.., pose)| pose.is_err()) {
             let Some(placed) = self.placed.get_mut(&layer.name) else { continue };
             placed.aligned.update(&track.points, &reference.points);
-            placed.alignment = placed.aligned.alignment;
-            if let Some(alignment) = &placed.alignment {
+            let Some(alignment) = placed.aligned.alignment else { continue };
+            if alignment.is_plausible() {
                 placed.map_from_track = Some(map_from_reference * alignment.pose());
-                placed.error = None;
+                (placed.alignment, placed.error) = (Some(alignment), None);
+            } else if let Some(error) = &mut placed.error {
+                let of = [alignment.rms_m, alignment.length_m].map(|length_m| format::metres(length_m, 1));
+                let _ = write!(error, ", and aligned at its start it is {} off over {}", of[0], of[1]);
             }
         }
     }
@@ -381,6 +382,30 @@ impl Tracks {
 mod tests {
     use super::*;
     use crate::samples;
+    use rcs_geom::TransformTree;
+    use std::sync::Arc;
+
+    #[test]
+    fn before_the_first_transform_and_after_the_last_one_the_nearer_one_is_used() {
+        let mut tree = TransformTree::new();
+        for (time_ns, x) in [(10, 1.0), (20, 2.0)] {
+            tree.insert("odom", "base", time_ns, Pose::from_xy_yaw(x, 0.0, 0.0)).unwrap();
+        }
+        let frame = Frame { transforms: Arc::new(tree), ..samples::empty() };
+        let x = |at: u64| map_from_frame(&frame, "odom", "/base", Stamp(at)).unwrap().translation.x;
+        assert_eq!([5, 15, 25].map(x), [1.0, 1.5, 2.0]);
+    }
+
+    #[test]
+    fn a_grid_without_cells_is_no_layer() {
+        let grid = |columns| {
+            let message = rcs_msg::foxglove::Grid { column_count: columns, ..Default::default() };
+            samples::topic("/map", 1.0, 0.0, message)
+        };
+        let count = |topic| layers(&Frame { topics: Arc::new([topic]), ..samples::empty() }).len();
+        assert_eq!(count(grid(0)), 0);
+        assert_eq!(count(grid(5)), 1, "a grid that lacks its data is shown as faulty");
+    }
 
     #[test]
     fn the_frame_of_the_map_is_the_one_that_draws_most() {
@@ -392,7 +417,7 @@ mod tests {
         assert_eq!(chosen(&frame).as_deref(), Some("local"));
         frame.tracks =
             frame.tracks.iter().filter(|track| track.frame_id.as_ref() == WGS84).cloned().collect();
-        frame.topics = std::sync::Arc::new([]);
+        frame.topics = Arc::new([]);
         assert_eq!(chosen(&frame).as_deref(), Some(WGS84));
     }
 }

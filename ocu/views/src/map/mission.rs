@@ -46,7 +46,7 @@ fn sent_zones(frame: &Frame, map: &str, buffer: &str) -> Result<Vec<Vec<[f64; 2]
     let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) else {
         return Ok(Vec::new());
     };
-    let map_from_sent = layers::map_from_frame(frame, map, &sent.frame_id, frame.now)?;
+    let map_from_sent = layers::map_from_frame(frame, map, &sent.frame_id, frame.transform_time(frame.now))?;
     let zone = |zone: &PlanePolygon| zone.points.iter().map(place(map_from_sent)).collect();
     Ok(sent.keep_out.iter().map(zone).collect())
 }

@@ -23,6 +23,7 @@ mod toolbar;
 mod track;
 mod training;
 mod uncertainty;
+mod undrawn;
 
 use crate::badge;
 use crate::canvas::Viewport;
@@ -171,7 +172,8 @@ impl View for Map {
         let Some(map) = chosen.or_else(|| layers::default_frame(cx.frame, &layers)) else {
             let hint =
                 "Positions, maps, point clouds or paths would fill it: play on, or open a log that has some.";
-            return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", hint);
+            let hint = undrawn::with_hint(hint, ui.ctx(), cx.frame);
+            return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", &hint);
         };
         self.look_in(map);
         self.fused = layers.iter().any(Layer::is_map);

@@ -3,7 +3,7 @@
 use super::grid::{Cells, Shade};
 use super::layers::{self, Kind, Layer};
 use super::uncertainty::{Covariance, SIGMAS};
-use super::{LayerState, Map, picture};
+use super::{LayerState, Map, picture, undrawn};
 use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens, widgets};
 use rcs_runtime::source::Frame;
@@ -61,6 +61,7 @@ impl Map {
                     super::track::ALIGN_LENGTH_M
                 ));
             }
+            undrawn::list(ui, frame);
         });
     }
 
@@ -109,6 +110,8 @@ impl Map {
                 }
             }
             (_, Err(reason)) => {
+                // A track may be loose for one more reason.
+                let reason = placed.and_then(|track| track.error.as_ref()).unwrap_or(&reason);
                 note(ui, format!("not drawn: {reason}"), tokens.warning);
                 ui.horizontal(|ui| {
                     ui.add_space(indent);
@@ -117,6 +120,11 @@ impl Map {
                         wish = Some(layer.frame_id.to_owned());
                     }
                 });
+            }
+            (Kind::Cloud, Ok(pose)) if state.shown => {
+                if let Some(Err(reason)) = picture::read_cloud(ui.ctx(), layer, map, pose) {
+                    note(ui, format!("not drawn: {reason}"), tokens.warning);
+                }
             }
             (kind, _) if !matches!(kind, Kind::Grid(_) | Kind::Cloud) && layer.frame_id != map => {
                 note(ui, format!("in {}", layers::frame_label(layer.frame_id)), tokens.weak);
@@ -170,6 +178,10 @@ impl Map {
                         };
                         if shade.is_cost() {
                             costs = true;
+                            continue;
+                        }
+                        // Colours of their own have no scale.
+                        if shade == Shade::Colors {
                             continue;
                         }
                         let range = self.ranges.get(&layer.name).copied().unwrap_or([0.0, 255.0]);

@@ -70,12 +70,24 @@ impl GridPicture {
 
 /// The points of a layer's cloud on the map; `None` until the first ones are read, or if they cannot be read.
 pub(super) fn cloud(ctx: &Context, layer: &Layer<'_>, map: &str, map_from_frame: Pose) -> Option<Arc<Cloud>> {
+    read_cloud(ctx, layer, map, map_from_frame)?.ok()
+}
+
+/// The points of a layer's cloud on the map; the error says why they cannot be read. `None` until the first ones are
+/// read.
+pub(super) fn read_cloud(
+    ctx: &Context,
+    layer: &Layer<'_>,
+    map: &str,
+    map_from_frame: Pose,
+) -> Option<Result<Arc<Cloud>, String>> {
     let (topic, message) = (layer.topic?, layer.message()?);
     let slot = Id::unique(("cloud", &*topic.name, topic.run, map));
     let cloud = prepared(ctx, slot, (message.clone(), map_from_frame), move || {
-        Cloud::new(message.0.get::<PointCloud>()?, &map_from_frame).ok().map(Arc::new)
+        let cloud = message.0.get::<PointCloud>().ok_or("it is no point cloud")?;
+        Cloud::new(cloud, &map_from_frame).map(Arc::new)
     });
-    cloud.and_then(|cloud| (*cloud).clone())
+    cloud.map(|cloud| (*cloud).clone())
 }
 
 /// A painted cloud.
@@ -127,8 +139,26 @@ impl CloudPicture {
 
 #[cfg(test)]
 mod tests {
+    use super::super::layers::Kind;
     use super::*;
+    use crate::samples;
     use egui::ColorImage;
+
+    #[test]
+    fn a_cloud_that_cannot_be_read_says_why() {
+        let ctx = Context::default();
+        let read = |message: PointCloud| {
+            let topic = samples::topic("/points", 1.0, 0.0, message);
+            let kind = Kind::Cloud;
+            let layer =
+                Layer { name: "/points".into(), kind, frame_id: "", stamp: Stamp(1), topic: Some(&topic) };
+            read_cloud(&ctx, &layer, "map", Pose::IDENTITY).map(|read| read.map(|cloud| cloud.points.len()))
+        };
+        assert_eq!(read(samples::cloud(&[[1.0, 2.0, 3.0]])), Some(Ok(1)));
+        let flat = PointCloud { fields: Vec::new(), ..samples::cloud(&[[1.0, 2.0, 3.0]]) };
+        let reason = read(flat);
+        assert!(matches!(&reason, Some(Err(reason)) if !reason.is_empty()), "{reason:?}");
+    }
 
     #[test]
     fn a_cloud_painted_for_another_place_lies_where_its_points_are() {

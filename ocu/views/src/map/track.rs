@@ -15,6 +15,9 @@ use std::ops::{ControlFlow, Range};
 pub(super) const ALIGN_LENGTH_M: f64 = 40.0;
 /// Parts of a track that are smaller than this are one position for the alignment, m.
 const AT_REST_M: f64 = 0.05;
+/// Greatest root mean square distance of an aligned part, relative to its length: beyond it, the tracks have nothing in
+/// common, or one of them jumps.
+const MOST_OFF: f64 = 0.5;
 /// Greatest number of parts that are drawn of a track, of its past and its future each.
 const MOST_PARTS: usize = 2_000;
 /// Number of parts from which the extent of a track is determined.
@@ -206,12 +209,19 @@ pub(super) struct Alignment {
     pub(super) translation_m: [f64; 2],
     /// Root mean square distance of the aligned part, m.
     pub(super) rms_m: f64,
+    /// Length of the aligned part on the track on which it is shorter, m: a jump makes the other one long.
+    pub(super) length_m: f64,
 }
 
 impl Alignment {
     fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = self.yaw_rad.sin_cos();
         [cos * x - sin * y + self.translation_m[0], sin * x + cos * y + self.translation_m[1]]
+    }
+
+    /// Whether the tracks fit well enough for one to be drawn beside the other.
+    pub(super) fn is_plausible(&self) -> bool {
+        self.rms_m <= MOST_OFF * self.length_m
     }
 
     /// As a pose of the aligned track in the frame of the other one.
@@ -253,16 +263,18 @@ fn align(track: &Series<TrackPoint>, reference: &Series<TrackPoint>) -> (Option<
     let (Some(own), Some(other)) = (ends(track), ends(reference)) else { return (None, false) };
     let (first, last) = (own[0].max(other[0]), own[1].min(other[1]));
     let mut pairs: Vec<([f64; 2], [f64; 2])> = Vec::new();
-    let mut length_m = 0.0;
+    let (mut length_m, mut own_length_m) = (0.0_f64, 0.0_f64);
     track.walk(
         track.count_until(first.before_ns(1))..track.count_until(last),
         |part| (0..2).all(|axis| part.summary.max_m[axis] - part.summary.min_m[axis] <= AT_REST_M),
         |part| {
             let Some([x, y]) = at(reference, part.first.stamp) else { return ControlFlow::Continue(()) };
-            if let Some(([last_x, last_y], _)) = pairs.last() {
+            let [own_x, own_y, _] = part.first.position_m;
+            if let Some(([last_x, last_y], [own_last_x, own_last_y])) = pairs.last() {
                 length_m += f64::hypot(x - last_x, y - last_y);
+                own_length_m += f64::hypot(own_x - own_last_x, own_y - own_last_y);
             }
-            pairs.push(([x, y], [part.first.position_m[0], part.first.position_m[1]]));
+            pairs.push(([x, y], [own_x, own_y]));
             if length_m > ALIGN_LENGTH_M { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         },
     );
@@ -270,11 +282,11 @@ fn align(track: &Series<TrackPoint>, reference: &Series<TrackPoint>) -> (Option<
     if pairs.len() < 3 || length_m < 1.0 {
         return (None, is_final);
     }
-    (Some(least_squares(&pairs)), is_final)
+    (Some(least_squares(&pairs, length_m.min(own_length_m))), is_final)
 }
 
-/// The rotation and translation that bring the second points nearest to the first ones.
-fn least_squares(pairs: &[([f64; 2], [f64; 2])]) -> Alignment {
+/// The rotation and translation that bring the second points nearest to the first ones, over a length.
+fn least_squares(pairs: &[([f64; 2], [f64; 2])], length_m: f64) -> Alignment {
     let n = pairs.len() as f64;
     let (mut to, mut from) = ([0.0; 2], [0.0; 2]);
     for (a, b) in pairs {
@@ -290,9 +302,9 @@ fn least_squares(pairs: &[([f64; 2], [f64; 2])]) -> Alignment {
         dot += b[0] * a[0] + b[1] * a[1];
     }
     let yaw_rad = cross.atan2(dot);
-    let turned = Alignment { yaw_rad, translation_m: [0.0; 2], rms_m: 0.0 }.apply(from);
-    let mut alignment =
-        Alignment { yaw_rad, translation_m: [to[0] - turned[0], to[1] - turned[1]], rms_m: 0.0 };
+    let mut alignment = Alignment { yaw_rad, translation_m: [0.0; 2], rms_m: 0.0, length_m };
+    let turned = alignment.apply(from);
+    alignment.translation_m = [to[0] - turned[0], to[1] - turned[1]];
     let squares = pairs.iter().map(|(a, b)| {
         let b = alignment.apply(*b);
         (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)

@@ -34,6 +34,27 @@ fn an_alignment_undoes_a_turn_and_a_shift() {
 }
 
 #[test]
+fn a_track_that_jumps_is_aligned_with_nothing() {
+    let driven = curve(200, 0.4, [3.0, 2.0]);
+    // A receiver that says 0° north, 0° east before its first fix.
+    let steady = curve(200, 0.0, [0.0; 2]);
+    let jump = |i: usize| {
+        let TrackPoint { stamp, position_m: [x, y, _], .. } = steady.get(i).unwrap();
+        point(stamp.0, [if i < 20 { x } else { x + 5.0e6 }, y])
+    };
+    let jumps: Series<TrackPoint> = (0..200).map(jump).collect();
+    for (track, reference) in [(&driven, &jumps), (&jumps, &driven)] {
+        let mut aligned = Aligned::default();
+        aligned.update(track, reference);
+        let alignment = aligned.alignment.unwrap();
+        assert!(!alignment.is_plausible(), "{alignment:?}");
+    }
+    let mut aligned = Aligned::default();
+    aligned.update(&driven, &steady);
+    assert!(aligned.alignment.unwrap().is_plausible());
+}
+
+#[test]
 fn an_alignment_of_a_growing_track_is_that_of_the_whole_one() {
     let at = |i: usize, turn: f64| {
         // At rest for a while, as most drives begin.

@@ -113,7 +113,8 @@ impl Map {
         let Some(example) = &mut self.example else { return };
         let tokens = tokens(ui);
         let target = learned_in(cx.frame, map, buffer);
-        let target_from_map = layers::map_from_frame(cx.frame, target, map, cx.frame.now);
+        let now = cx.frame.transform_time(cx.frame.now);
+        let target_from_map = layers::map_from_frame(cx.frame, target, map, now);
         let (mut send, mut close) = (false, false);
         // Below the scale bar.
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);

@@ -14,7 +14,7 @@ use egui::{Align, FontId, Rect, RichText, ScrollArea, Sense, Ui, Vec2};
 use ocu_ui::bar::{Bar, Fit};
 use ocu_ui::{format, icons, legend, tokens, widgets};
 use rcs_msg::rcs::{ArcChoice, Plan as PlanMessage, PlanCandidate, PlanState};
-use rcs_runtime::source::{Frame, Topic};
+use rcs_runtime::source::{Frame, Topic, frame_name};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use terms::{PLAN_TERMS, color, in_plan};
@@ -158,6 +158,7 @@ fn show_plan(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, plan: &PlanMe
         PlanState::PlanNoWay => "No way",
         PlanState::PlanGoalBlocked => "Goal blocked",
         PlanState::PlanUnusable => "Map or pose unusable",
+        PlanState::PlanForbidden => "Closed by zones",
         PlanState::PlanNone => "Nothing planned",
     };
     heading(ui, cx.frame, topic, state, &plan.reason);
@@ -186,7 +187,7 @@ fn show_plan(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, plan: &PlanMe
         cx.selection.hovered.set(Hover {
             topic: Some(TopicKey::of(topic)),
             field: Some(field(index, step)),
-            point: Some(HoverPoint { frame_id: plan.frame_id.clone(), position_m }),
+            point: Some(HoverPoint { frame_id: frame_name(&plan.frame_id).to_owned(), position_m }),
             ..Hover::default()
         });
     }
@@ -202,10 +203,12 @@ fn meant(cx: &ViewContext<'_>, topic: &Topic, plan: &PlanMessage) -> Option<(usi
     let hover = cx.selection.hovered.get();
     let point = hover.point.as_ref()?;
     let p = rcs_geom::DVec3::from_array(point.position_m.map(|v| if v.is_nan() { 0.0 } else { v }));
-    let p = if point.frame_id == plan.frame_id {
+    let own = frame_name(&plan.frame_id);
+    let p = if point.frame_id == own {
         p
     } else {
-        cx.frame.transforms.lookup(&plan.frame_id, &point.frame_id, cx.frame.now.0).ok()? * p
+        let now = cx.frame.transform_time(cx.frame.now);
+        cx.frame.transforms.lookup(own, &point.frame_id, now.0).ok()? * p
     };
     let is_ours = hover.topic.as_ref().is_some_and(|key| key.is(topic));
     let paths = [plan.chosen.as_ref(), plan.rejected.as_ref()];

@@ -360,7 +360,9 @@ fn legend(ui: &mut Ui, saved: &Saved, drawn: &Drawn, place: &Place, at: Option<S
             None => curve.label.clone(),
         };
         let room = (place.plot.width() - 32.0).max(8.0);
-        let color = if is_problem { tokens.warning } else { tokens.strong };
+        // Some values are there, and others are not.
+        let lacks = curve.shown.problem.as_ref().filter(|_| !is_problem);
+        let color = if is_problem || lacks.is_some() { tokens.warning } else { tokens.strong };
         let layout = |text: String, font: FontId, color: Color32, width: f32| {
             let mut job = egui::text::LayoutJob::simple_singleline(text, font, color);
             job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(8.0));
@@ -370,7 +372,11 @@ fn legend(ui: &mut Ui, saved: &Saved, drawn: &Drawn, place: &Place, at: Option<S
         let label = layout(name.clone(), font, tokens.text, room - value.size().x - 12.0);
         let width = 20.0 + label.size().x + 12.0 + value.size().x;
         let rect = Rect::from_min_size(Pos2::new(place.plot.left() + 6.0, top), Vec2::new(width, LEGEND_ROW));
-        let response = ui.interact(rect, ui.scope_id().with(("legend", place.index, index)), Sense::click());
+        let mut response =
+            ui.interact(rect, ui.scope_id().with(("legend", place.index, index)), Sense::click());
+        if let Some(problem) = lacks {
+            response = response.on_hover_text(problem.to_string());
+        }
         let said = format!("Curve {name}");
         response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &said));
         let fill = if response.hovered() { tokens.surface[2] } else { tokens.canvas().gamma_multiply(0.8) };

@@ -257,7 +257,8 @@ impl Scene {
         if point.frame_id == scene {
             return Some(p);
         }
-        Some(cx.frame.transforms.lookup(scene, &point.frame_id, cx.frame.now.0).ok()? * p)
+        let now = cx.frame.transform_time(cx.frame.now);
+        Some(cx.frame.transforms.lookup(scene, &point.frame_id, now.0).ok()? * p)
     }
 
     /// Turns with the pointer, moves with the second button or with shift, zooms with the wheel.
@@ -424,13 +425,10 @@ fn made(name: &str, shapes: Shapes) -> Layer {
     Layer { name: format!("({name})"), content, pose: Pose::IDENTITY }
 }
 
-/// Poses of the coordinate frames that are connected to the scene.
+/// Poses of the coordinate frames that are connected to the scene, now or at the nearest time with a transform.
 fn frame_poses(frame: &Frame, scene: &str) -> Vec<(String, Pose)> {
-    let tree = &frame.transforms;
-    let pose = |name: &str| {
-        let newest = tree.newest(scene, name).ok()?;
-        tree.lookup(scene, name, newest.map_or(frame.now.0, |newest| newest.min(frame.now.0))).ok()
-    };
+    let (tree, now) = (&frame.transforms, frame.transform_time(frame.now));
+    let pose = |name: &str| tree.lookup_nearest(scene, name, now.0).ok();
     let names = tree.frames().into_iter();
     names.filter_map(|name| Some((name.to_owned(), pose(name)?))).collect()
 }

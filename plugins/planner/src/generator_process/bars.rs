@@ -28,7 +28,9 @@ impl WaypointGenerator {
     ) {
         let led = self.near_told.filter(|_| !self.is_standing && self.near_told != self.told);
         let plan = cx.latest(&ports.plan);
-        let is_closed = plan.as_ref().is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
+        // Also where obstacles that the far map does not show leave only a way through a zone.
+        let closed = [PlanState::PlanNoWay, PlanState::PlanForbidden];
+        let is_closed = plan.as_ref().is_some_and(|plan| closed.contains(&plan.state()));
         let is_blocked = plan.is_some_and(|plan| {
             plan.state() == PlanState::PlanGoalBlocked && Some((plan.goal_x_m, plan.goal_y_m)) == led
         });
@@ -92,7 +94,7 @@ impl WaypointGenerator {
         self.is_to_tell = true;
     }
 
-    /// Takes a jump of the goal in the local frame that follows from wheels that turned on the spot for what it is. Where
+    /// Takes a jump of the local frame that follows from wheels that turned on the spot for what it is. Where
     /// images say that the wheels have gripped, the fixes have jumped.
     pub(super) fn see_slide(&mut self, global_from_local: &Pose, params: &WaypointGeneratorParams) {
         if self.jumped_m(global_from_local) <= params.jump_m {

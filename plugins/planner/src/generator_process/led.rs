@@ -40,6 +40,14 @@ impl WaypointGenerator {
         None
     }
 
+    /// What the status says while there is a far path, and no track by which the vehicle's place on it is known.
+    pub(super) fn unused_far_path(&self) -> &'static str {
+        if self.far_path.is_empty() || !self.track.is_empty() {
+            return "";
+        }
+        "; the far path is not used: no pose of the vehicle has come at the input global"
+    }
+
     /// How far along the far path the planner of the near map plans, m.
     pub(super) fn lookahead_m(&self, params: &WaypointGeneratorParams) -> f64 {
         if self.nearer_until.is_some() { params.lookahead_m / 2.0 } else { params.lookahead_m }
@@ -86,5 +94,9 @@ mod tests {
         assert_eq!(near(&generator, goal), DVec2::new(-5.0, 10.0), "from the nearest point on");
         generator.track.push((-5.0, 15.0));
         assert_eq!(near(&generator, goal), goal, "the far path ends before");
+        assert_eq!(generator.unused_far_path(), "");
+        generator.track.clear();
+        assert_eq!(near(&generator, goal), goal, "it is not known where the vehicle is on it");
+        assert!(generator.unused_far_path().contains("the input global"));
     }
 }

@@ -1,7 +1,8 @@
 //! At the goal: where it is believed to be, where an earlier run found it, and what leads there.
 
-use super::{FILES, cycle, drive, free, global_at, path, polygon, start, status, story};
+use super::{FILES, cycle, drive, free, global_at, path, polygon, start, status, story, transform};
 use rcs_geom::{DVec2, Pose};
+use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, PosesInFrame, Quaternion, Vector3};
 use rcs_msg::rcs::{Mission, ProcessState};
 use rcs_sense::pose_message;
@@ -117,6 +118,34 @@ fn where_the_run_before_found_the_goal_is_not_driven_to_if_that_is_in_a_zone() {
     assert!(drive(&bench).0 > 0.2, "{}", story(&bench));
     let end = *path(&bench).last().unwrap();
     assert!(end.distance(DVec2::new(10.0, 0.0)) < 0.3, "{end}");
+}
+
+#[test]
+fn a_correction_of_the_heading_is_no_jump_however_far_the_goal_moves() {
+    let mut bench = start(&FILES);
+    bench.write("/operator/global", global_at(2.0));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    // About the vehicle: the goal, 10 m away, moves by 5.9 m.
+    let turned = 0.6;
+    let (w, z) = (libm::cos(turned / 2.0), libm::sin(turned / 2.0));
+    let now = Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto());
+    let rotation = Some(Quaternion { w, z, ..Quaternion::default() });
+    let placed = transform("global", "local", DVec2::new(2.0, 3.0));
+    let transform = FrameTransform { timestamp: now, rotation, ..placed };
+    bench.write("/operator/transforms", FrameTransforms { transforms: vec![transform] });
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert_ne!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let goal = DVec2::new(10.0 * libm::cos(turned), -10.0 * libm::sin(turned));
+    assert!(path(&bench).last().unwrap().distance(goal) < 0.3, "{}", story(&bench));
+}
+
+#[test]
+fn a_far_path_without_the_vehicles_position_on_it_is_told_to_be_of_no_use() {
+    let mut bench = start(&FILES[..2]);
+    lead(&mut bench, 10.0);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(status(&bench, "generator").1.contains("no pose of the vehicle has come at the input global"));
+    assert!(path(&bench).last().unwrap().distance(DVec2::new(10.0, 0.0)) < 0.3, "{}", story(&bench));
 }
 
 #[test]

@@ -20,8 +20,21 @@ fn after_a_bumper_hit_it_backs_up_and_goes_on() {
     bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
     cycle(&mut bench, 0.0, 0.0, free, 2);
     assert!(drive(&bench).0 < 0.0, "{}", story(&bench));
+    bench.write("/operator/bumper", rcs::Bumper::default());
     cycle(&mut bench, -0.6, 0.0, free, 2);
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
+fn a_bumper_that_was_hit_while_it_stood_without_a_pose_and_is_still_pressed_counts() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    bench.cycles(50, 30);
+    bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
+    bench.cycles(50, 2);
+    assert_eq!((mode(&bench).0.as_str(), drive(&bench)), ("", (0.0, 0.0)), "{}", story(&bench));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert_eq!(mode(&bench).0, "REVERSE_FROM_BUMPER", "{}", story(&bench));
 }
 
 #[test]
@@ -136,6 +149,7 @@ fn a_mode_that_another_table_halt_or_init_ends_is_told_to_have_ended() {
         bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
         cycle(bench, 0.0, 0.0, free, 2);
         assert_eq!(mode(bench).0, "REVERSE_FROM_BUMPER", "{}", story(bench));
+        bench.write("/operator/bumper", rcs::Bumper::default());
     };
     let assert_ended = |bench: &Bench, reason: &str, sent: u64| {
         let event: ModeEvent = bench.latest("/follower/modes");
@@ -257,6 +271,10 @@ fn while_the_vehicle_is_held_it_is_not_stuck_and_an_emergency_stop_ends_a_mode()
         bench.write("/operator/vehicle", status);
     };
     hold(&mut bench, "imu silent for 1.0 s, expected at most 0.5 s", false);
+    cycle(&mut bench, 0.0, 0.0, free, 200);
+    assert_eq!(mode(&bench).0, "", "{}", story(&bench));
+    // So is one that may drive no faster than this.
+    bench.write("/operator/vehicle", rcs::VehicleStatus { max_speed_mps: 0.1, ..Default::default() });
     cycle(&mut bench, 0.0, 0.0, free, 200);
     assert_eq!(mode(&bench).0, "", "{}", story(&bench));
     hold(&mut bench, "", false);

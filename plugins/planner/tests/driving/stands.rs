@@ -7,7 +7,7 @@ use super::{
 };
 use rcs_geom::DVec2;
 use rcs_msg::foxglove::Odometry;
-use rcs_msg::rcs::{Mission, ProcessState};
+use rcs_msg::rcs::{Mission, Plan, PlanState, ProcessState};
 use rcs_planner::proto::WaypointGeneratorParams;
 use rcs_testkit::bench::Bench;
 
@@ -50,6 +50,20 @@ fn no_mode_drives_on_where_the_generator_stands() {
     bench.write("/operator/mission", mission(&[(8.0, 0.0)]));
     cycle(&mut bench, 0.0, 0.0, free, 12);
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
+fn where_zones_close_the_way_it_stands_and_no_mode_drives_through_them() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    bench.write("/operator/mission", with_zone(&[(4.0, -30.0), (6.0, -30.0), (6.0, 30.0), (4.0, 30.0)]));
+    cycle(&mut bench, 0.0, 0.0, free, 4);
+    assert_stands(&mut bench, free, "no way to the goal inside of the area and around the zones");
+    assert_eq!(bench.latest::<Plan>("/planner/plan").state(), PlanState::PlanForbidden);
+    assert_eq!((status(&bench, "planner").0, mode(&bench).0.as_str()), (ProcessState::Error, ""));
+    bench.write("/operator/mission", with_zone(&[(4.0, -1.0), (6.0, -1.0), (6.0, 1.0), (4.0, 1.0)]));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(drive(&bench).0 > 0.2 && path(&bench).len() > 20, "{}", story(&bench));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Fields of a log: the whole log is read once for all fields that were named together, on a thread of its own.
 
-use super::extract::Extractor;
+use super::channels::{Channels, Chosen, alike, choose};
 use super::pieces::read_pieces;
 use super::reader::{Reader, Told, Wanted, lock};
 use super::{FieldPoint, FieldSeries};
@@ -8,7 +8,7 @@ use crate::source::run_tag::RunTag;
 use crate::source::series::SeriesWriter;
 use rcs_formula::FieldRef;
 use rcs_log::{CursorOptions, Log, LogError, MessagePosition, Reassembly, TopicId};
-use rcs_msg::{AnyMessage, Schema, Stamp};
+use rcs_msg::{AnyMessage, Stamp};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,26 +39,25 @@ impl Drop for LogFields {
     }
 }
 
-/// Where a topic is in a log: its schema and its channels, including its deltas.
-pub(crate) type Place = (Arc<Schema>, Vec<TopicId>);
-
 impl LogFields {
-    /// Gathers these fields, and no others; `find` gives the place of a topic that the log has.
-    pub(crate) fn gather(&mut self, log: &Log, fields: &[FieldRef], find: impl Fn(&str) -> Option<Place>) {
+    /// Gathers these fields, and no others; `find` gives the channels of a topic, and none if the log does not have it.
+    pub(crate) fn gather(&mut self, log: &Log, fields: &[FieldRef], find: impl Fn(&str) -> Vec<Channels>) {
         self.fields.retain(|known| fields.contains(&known.field));
-        let mut wanted: BTreeMap<&str, Wanted> = BTreeMap::new();
+        let mut wanted: BTreeMap<Vec<TopicId>, Wanted> = BTreeMap::new();
         for field in fields {
             if self.fields.iter().any(|known| known.field == *field) {
                 continue;
             }
-            let Some((schema, ids)) = find(&field.topic) else { continue };
+            let groups = find(&field.topic);
+            if groups.is_empty() {
+                continue;
+            }
             let (points, told) = (Arc::new(SeriesWriter::default()), Arc::new(Mutex::new(Told::default())));
-            match Extractor::new(&schema, &field.path) {
-                Ok(extractor) => {
-                    lock(&told).reading = Some(0.0);
+            match choose(&field.topic, &groups, &field.path) {
+                Ok(Chosen { channels, extractor, problem }) => {
+                    *lock(&told) = Told { reading: Some(0.0), problem, ..Told::default() };
                     let reader = Reader { extractor, points: Arc::clone(&points), told: Arc::clone(&told) };
-                    let topic = wanted.entry(&field.topic);
-                    topic.or_insert_with(|| Wanted { schema, ids, readers: Vec::new() }).readers.push(reader);
+                    add(&mut wanted, channels, reader);
                 }
                 Err(problem) => lock(&told).problem = Some(problem.into()),
             }
@@ -115,6 +114,13 @@ impl LogFields {
             }
         })
     }
+}
+
+/// Adds what reads one field. Fields of the same channels share their messages.
+fn add(wanted: &mut BTreeMap<Vec<TopicId>, Wanted>, channels: Channels, reader: Reader) {
+    let Channels { schema, ids, .. } = channels;
+    let known = wanted.entry(ids.clone());
+    known.or_insert_with(|| Wanted { schema, ids, readers: Vec::new() }).readers.push(reader);
 }
 
 /// Reads these topics until `go_on` refuses: numbers on several threads, and texts and what was recorded as deltas in the
@@ -209,35 +215,23 @@ fn read_in_order(
 pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>) -> Vec<FieldSeries> {
     let reassembly = Reassembly::new(log);
     let mut found = Vec::new();
+    // One pass for all.
+    let mut wanted: BTreeMap<Vec<TopicId>, Wanted> = BTreeMap::new();
     for field in fields {
-        let mut topics =
-            log.info().topics_named(&field.topic).filter(|topic| reassembly.keys_of(topic.id).is_none());
-        let made = topics.next().ok_or_else(|| format!("the log has no topic {}", field.topic));
-        let made = made.and_then(|topic| Ok((topic, Extractor::new(&topic.schema, &field.path)?)));
+        let groups = alike(log.info().topics_named(&field.topic), &reassembly);
         let (points, told) = (Arc::new(SeriesWriter::default()), Arc::new(Mutex::new(Told::default())));
-        match made {
-            Ok((topic, extractor)) => {
-                let ids = [Some(topic.id), reassembly.deltas_of(topic.id)].into_iter().flatten().collect();
+        match choose(&field.topic, &groups, &field.path) {
+            Ok(Chosen { channels, extractor, problem }) => {
+                lock(&told).problem = problem;
                 let reader = Reader { extractor, points: Arc::clone(&points), told: Arc::clone(&told) };
-                let wanted = Wanted { schema: Arc::clone(&topic.schema), ids, readers: vec![reader] };
-                found.push((field.clone(), points, told, Some((topic.id, wanted))));
+                add(&mut wanted, channels, reader);
             }
-            Err(problem) => {
-                lock(&told).problem = Some(problem.into());
-                found.push((field.clone(), points, told, None));
-            }
+            Err(problem) => lock(&told).problem = Some(problem.into()),
         }
-    }
-    // One pass for all; fields of one topic share its messages.
-    let mut wanted: BTreeMap<TopicId, Wanted> = BTreeMap::new();
-    for (id, mut topic) in found.iter_mut().filter_map(|(.., topic)| topic.take()) {
-        match wanted.get_mut(&id) {
-            Some(known) => known.readers.append(&mut topic.readers),
-            None => drop(wanted.insert(id, topic)),
-        }
+        found.push((field.clone(), points, told));
     }
     let read = read_topics(log, wanted.into_values().collect(), &times, |_, _| true);
-    let series = found.into_iter().map(|(field, points, told, _)| {
+    let series = found.into_iter().map(|(field, points, told)| {
         let told = lock(&told);
         let problem =
             told.problem.clone().or_else(|| read.as_ref().err().map(|error| error.to_string().into()));

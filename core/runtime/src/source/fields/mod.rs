@@ -4,14 +4,18 @@
 //! and a run is followed as its messages are written, with what it wrote before from what was kept of its past. A
 //! number is read from the encoded message without decoding the rest of it.
 
+mod channels;
+mod exact;
 mod extract;
 mod log_scan;
 mod pieces;
 mod reader;
 mod run_fields;
 
+pub use exact::exact_points;
 pub use log_scan::read_fields;
 
+pub(crate) use channels::alike;
 pub(crate) use log_scan::LogFields;
 pub(super) use run_fields::RunFields;
 

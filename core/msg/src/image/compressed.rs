@@ -1,0 +1,198 @@
+//! Compressed images: JPEG, PNG, GIF and BMP, and depth as ROS's `compressed_depth_image_transport` writes it.
+
+use super::{ImageError, MAX_PIXELS, RgbImage, raw_to_rgb8};
+use crate::foxglove::{CompressedImage, RawImage};
+use crate::guard::guarded;
+use ::image::{ColorType, DynamicImage, ImageReader, Limits};
+use bytes::Bytes;
+use std::io::Cursor;
+
+/// Greatest width and height of a compressed image.
+const MAX_SIDE: u32 = 32_768;
+/// Part of the name of a format whose data are a PNG behind a header.
+const DEPTH: &str = "compressedDepth";
+/// Size of that header, bytes: the format (`int32`) and the parameters A and B of quantised depth (`float32`).
+const DEPTH_HEADER: usize = 12;
+/// Parts of the names of video formats.
+const VIDEO: [&str; 7] = ["h264", "h265", "hevc", "avc1", "vp8", "vp9", "av1"];
+
+/// Decodes a compressed image; depth is converted as in [`raw_to_rgb8`].
+pub fn compressed_to_rgb8(image: &CompressedImage) -> Result<RgbImage, ImageError> {
+    if is_quantised(image) {
+        return raw_to_rgb8(&quantised(image)?);
+    }
+    let decoded = decode(image)?;
+    if decoded.color() == ColorType::L16 {
+        return raw_to_rgb8(&raw(image, decoded)?);
+    }
+    let (width, height) = (decoded.width(), decoded.height());
+    Ok(RgbImage { width, height, data: decoded.into_rgb8().into_raw() })
+}
+
+/// A compressed image as a raw image: `mono8`, `16UC1` (16-bit grey, which is depth), `32FC1` (quantised depth) or
+/// `rgb8`.
+pub fn decompress(image: &CompressedImage) -> Result<RawImage, ImageError> {
+    if is_quantised(image) { quantised(image) } else { raw(image, decode(image)?) }
+}
+
+/// Whether the image contains depth in metres that was quantised to 16 bits.
+fn is_quantised(image: &CompressedImage) -> bool {
+    image.format.starts_with("32FC1") && image.format.contains(DEPTH)
+}
+
+/// Quantised depth: a value v stands for A / (v − B) metres, and 0 for no range.
+fn quantised(image: &CompressedImage) -> Result<RawImage, ImageError> {
+    let Some((header, _)) = image.data.split_first_chunk::<DEPTH_HEADER>() else {
+        return Err(ImageError::Size {
+            what: "bytes of the compressed depth",
+            got: image.data.len() as u64,
+            expected: DEPTH_HEADER as u64,
+        });
+    };
+    let [_, _, _, _, a0, a1, a2, a3, b0, b1, b2, b3] = *header;
+    let (a, b) = (f32::from_le_bytes([a0, a1, a2, a3]), f32::from_le_bytes([b0, b1, b2, b3]));
+    let decoded = decode(image)?;
+    let color = decoded.color();
+    let DynamicImage::ImageLuma16(values) = decoded else {
+        let text = format!("its depth is an image of kind {color:?}, expected grey of 16 bits");
+        return Err(ImageError::Compressed(text));
+    };
+    let metres = |value: u16| if value == 0 { f32::NAN } else { a / (f32::from(value) - b) };
+    let data: Vec<u8> = values.iter().flat_map(|value| metres(*value).to_le_bytes()).collect();
+    Ok(RawImage {
+        timestamp: image.timestamp,
+        frame_id: image.frame_id.clone(),
+        width: values.width(),
+        height: values.height(),
+        encoding: "32FC1".to_owned(),
+        // The side has been checked.
+        step: 4 * values.width(),
+        data: data.into(),
+    })
+}
+
+fn decode(image: &CompressedImage) -> Result<DynamicImage, ImageError> {
+    let format = &image.format;
+    let lower = format.to_ascii_lowercase();
+    if VIDEO.iter().any(|video| lower.contains(video)) {
+        return Err(ImageError::Video(format.clone()));
+    }
+    let mut data: Bytes = image.data.clone();
+    if format.contains(DEPTH) && data.len() >= DEPTH_HEADER {
+        if lower.contains("rvl") {
+            return Err(ImageError::Encoding { got: format.clone(), expected: "compressedDepth png" });
+        }
+        data = data.slice(DEPTH_HEADER..);
+    }
+    let failed = |error: String| ImageError::Compressed(error);
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    limits.max_alloc = Some(MAX_PIXELS * 8);
+    // The format is detected from the data, because format names in messages vary.
+    let mut reader = ImageReader::new(Cursor::new(&data))
+        .with_guessed_format()
+        .map_err(|error| failed(error.to_string()))?;
+    if reader.format().is_none() {
+        let text = format!("its data are no JPEG, PNG, GIF or BMP; the message states format {format:?}");
+        return Err(failed(text));
+    }
+    reader.limits(limits);
+    guarded(|| reader.decode().map_err(|error| error.to_string())).and_then(|image| image).map_err(failed)
+}
+
+fn raw(source: &CompressedImage, image: DynamicImage) -> Result<RawImage, ImageError> {
+    let (width, height) = (image.width(), image.height());
+    let (encoding, channels, data): (_, u32, Vec<u8>) = match image {
+        DynamicImage::ImageLuma8(grey) => ("mono8", 1, grey.into_raw()),
+        DynamicImage::ImageLuma16(grey) => ("16UC1", 2, grey.iter().flat_map(|v| v.to_le_bytes()).collect()),
+        other => ("rgb8", 3, other.into_rgb8().into_raw()),
+    };
+    let step = width.checked_mul(channels).ok_or(ImageError::Size {
+        what: "width, at most",
+        got: width.into(),
+        expected: MAX_SIDE.into(),
+    })?;
+    Ok(RawImage {
+        timestamp: source.timestamp,
+        frame_id: source.frame_id.clone(),
+        width,
+        height,
+        encoding: encoding.to_owned(),
+        step,
+        data: data.into(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::depth_m;
+
+    /// A PNG of two pixels of 16 bits.
+    fn png(values: [u16; 2]) -> Vec<u8> {
+        let grey = ::image::ImageBuffer::<::image::Luma<u16>, _>::from_raw(2, 1, values.to_vec());
+        let mut png = Cursor::new(Vec::new());
+        grey.expect("it fits").write_to(&mut png, ::image::ImageFormat::Png).expect("it encodes");
+        png.into_inner()
+    }
+
+    fn image(format: &str, data: Vec<u8>) -> CompressedImage {
+        CompressedImage { data: data.into(), format: format.to_owned(), ..CompressedImage::default() }
+    }
+
+    #[test]
+    fn a_png_of_16_bits_is_depth_and_of_8_a_image() {
+        let image = image("", png([256, 512]));
+        let raw = decompress(&image).expect("it decodes");
+        assert_eq!(depth_m(&raw, 1.0 / 256.0).expect("it is depth"), [1.0, 2.0]);
+        assert_eq!(compressed_to_rgb8(&image).expect("it decodes").data, [1, 1, 1, 255, 255, 255]);
+        let broken = CompressedImage { data: image.data.slice(..20), ..CompressedImage::default() };
+        compressed_to_rgb8(&broken).expect_err("it is cut off");
+    }
+
+    #[test]
+    fn quantised_depth_is_in_metres() {
+        let mut data = 0_i32.to_le_bytes().to_vec();
+        data.extend([1000.0_f32, 200.0].into_iter().flat_map(f32::to_le_bytes));
+        data.extend(png([0, 700]));
+        let image = image("32FC1; compressedDepth png", data);
+        let raw = decompress(&image).expect("it decodes");
+        assert_eq!((raw.encoding.as_str(), raw.step), ("32FC1", 8));
+        let depth = depth_m(&raw, 1.0).expect("it is depth");
+        assert!(depth[0].is_nan() && depth[1] == 2.0, "{depth:?}");
+        assert_eq!(compressed_to_rgb8(&image).expect("it decodes").data, [0, 0, 0, 1, 1, 1]);
+        let broken = CompressedImage { data: image.data.slice(..11), ..image };
+        let error = decompress(&broken).expect_err("its header is cut off").to_string();
+        assert_eq!(error, "bytes of the compressed depth: got 11, expected 12");
+    }
+
+    #[test]
+    fn whole_depth_behind_its_header_is_in_steps() {
+        let data = [vec![0; 12], png([256, 512])].concat();
+        let raw = decompress(&image("16UC1; compressedDepth", data)).expect("it decodes");
+        assert_eq!(depth_m(&raw, 1.0 / 256.0).expect("it is depth"), [1.0, 2.0]);
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused_with_its_format() {
+        for (format, expect) in [
+            ("h264", "got format \"h264\", which is video"),
+            ("H265", "got format \"H265\", which is video"),
+            ("webp", "compressed image does not decode: its data are no JPEG, PNG, GIF or BMP"),
+            ("16UC1; compressedDepth rvl", "got encoding \"16UC1; compressedDepth rvl\", expected one of"),
+        ] {
+            let error = decompress(&image(format, vec![0; 60])).expect_err(format).to_string();
+            assert!(error.starts_with(expect), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_bitmap_decodes() {
+        let pixel = ::image::RgbImage::from_pixel(1, 1, ::image::Rgb([1, 2, 3]));
+        let mut data = Cursor::new(Vec::new());
+        pixel.write_to(&mut data, ::image::ImageFormat::Bmp).expect("it encodes");
+        let decoded = compressed_to_rgb8(&image("bmp", data.into_inner())).expect("it decodes");
+        assert_eq!(decoded.data, [1, 2, 3]);
+    }
+}
