@@ -8,8 +8,7 @@ use crate::value::Value;
 use prost_types::Timestamp;
 
 /// Acquisition time of a message: its `timestamp`, that of its ROS 2 header, or its `stamp`; for transforms that of the
-/// first one.
-/// `None` if it has none.
+/// first one. `None` if it has none.
 pub fn header_stamp(message: &AnyMessage) -> Option<Stamp> {
     if let Some(timestamp) = typed(message, |known| known.timestamp) {
         return Stamp::from_proto(&timestamp);

@@ -83,7 +83,7 @@ pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
         Format::Depth16 => stretch(rows.depth16(1.0), &mut data),
         Format::Depth32 => stretch(rows.depth32(), &mut data),
         Format::Depth64 => stretch(rows.depth64(), &mut data),
-        Format::Int32 => stretch(rows.int32(), &mut data),
+        Format::Int32 => stretch(rows.values(|bytes| i32::from_le_bytes(bytes) as f32), &mut data),
         Format::Uyvy => rows.pixels::<4>(|[u, y0, v, y1]| yuv_pixels(&[y0, y1], u, v, &mut data)),
         Format::Yuyv => rows.pixels::<4>(|[y0, u, y1, v]| yuv_pixels(&[y0, y1], u, v, &mut data)),
         Format::Nv12 => nv(&rows, [0, 1], &mut data)?,
@@ -91,7 +91,7 @@ pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
         Format::Bayer(red) => bayer(&rows, red, &mut data),
         Format::Bayer16(red) => {
             let (width, height) = (rows.width, rows.height);
-            let high = rows.high_bytes();
+            let high = rows.values(|[_, high]| high);
             bayer(&Rows { data: &high, width, height, step: width, row: width }, red, &mut data);
         }
     }
@@ -241,45 +241,30 @@ impl<'a> Rows<'a> {
         }
     }
 
-    fn depth16(&self, scale: f32) -> Vec<f32> {
-        let mut depth = Vec::with_capacity(self.width * self.height);
-        self.pixels(|bytes| {
-            let value = u16::from_le_bytes(bytes);
-            depth.push(if value == 0 { f32::NAN } else { f32::from(value) * scale });
-        });
-        depth
-    }
-
-    /// The high bytes of pixels of 16 bits.
-    fn high_bytes(&self) -> Vec<u8> {
-        let mut high = Vec::with_capacity(self.width * self.height);
-        self.pixels::<2>(|[_, byte]| high.push(byte));
-        high
-    }
-
-    fn int32(&self) -> Vec<f32> {
+    /// A number of each group of `N` bytes, row by row.
+    fn values<const N: usize, T>(&self, number: impl Fn([u8; N]) -> T) -> Vec<T> {
         let mut values = Vec::with_capacity(self.width * self.height);
-        self.pixels(|bytes| values.push(i32::from_le_bytes(bytes) as f32));
+        self.pixels(|bytes| values.push(number(bytes)));
         values
     }
 
-    fn depth64(&self) -> Vec<f32> {
-        let mut depth = Vec::with_capacity(self.width * self.height);
-        self.pixels(|bytes| {
-            let value = f64::from_le_bytes(bytes) as f32;
-            depth.push(if value > 0.0 && value.is_finite() { value } else { f32::NAN });
-        });
-        depth
+    /// Ranges that are multiples of `scale`.
+    fn depth16(&self, scale: f32) -> Vec<f32> {
+        self.values(|bytes| range(f32::from(u16::from_le_bytes(bytes)) * scale))
     }
 
     fn depth32(&self) -> Vec<f32> {
-        let mut depth = Vec::with_capacity(self.width * self.height);
-        self.pixels(|bytes| {
-            let value = f32::from_le_bytes(bytes);
-            depth.push(if value > 0.0 && value.is_finite() { value } else { f32::NAN });
-        });
-        depth
+        self.values(|bytes| range(f32::from_le_bytes(bytes)))
     }
+
+    fn depth64(&self) -> Vec<f32> {
+        self.values(|bytes| range(f64::from_le_bytes(bytes) as f32))
+    }
+}
+
+/// The value, or NaN where it is no range.
+fn range(value: f32) -> f32 {
+    if value > 0.0 && value.is_finite() { value } else { f32::NAN }
 }
 
 fn stretch(depth: Vec<f32>, out: &mut Vec<u8>) {

@@ -22,8 +22,16 @@ pub(crate) fn canonical(message: &AnyMessage) -> Option<AnyMessage> {
 /// A time of 0 counts as absent, because many writers leave it so. Known flaw: so does the stamp of a message that was
 /// acquired at 0 exactly. Of a simulation that begins at 0, publication and log time are near 0 as well.
 pub fn acquisition_time(message: &AnyMessage, publish_time: Stamp, log_time: Stamp) -> Stamp {
-    let stated = |time: &Stamp| time.0 != 0;
-    header_stamp(message).filter(stated).or_else(|| Some(publish_time).filter(stated)).unwrap_or(log_time)
+    header_stamp(message).and_then(stated).unwrap_or_else(|| publication_time(publish_time, log_time))
+}
+
+/// When a log's message was published, else the log time.
+pub(crate) fn publication_time(publish_time: Stamp, log_time: Stamp) -> Stamp {
+    stated(publish_time).unwrap_or(log_time)
+}
+
+fn stated(time: Stamp) -> Option<Stamp> {
+    (time.0 != 0).then_some(time)
 }
 
 /// Whether the messages of a channel have the time of acquisition as their time of publication, whatever is in them: this

@@ -23,10 +23,11 @@ pub(crate) fn parquet(
     times: &RangeInclusive<Stamp>,
     start: Stamp,
 ) -> Result<Vec<u8>> {
-    let mut table = Table { stamps: Vec::new(), cells: vec![Vec::new(); columns.len()] };
     let points: Vec<&Points> = columns.iter().map(|(_, points)| *points).collect();
+    let kinds: Vec<Kind> = points.iter().map(|points| Kind::of(points)).collect();
+    let mut table = Table { stamps: Vec::new(), cells: vec![Vec::new(); columns.len()] };
     let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
-    let mut writer = SerializedFileWriter::new(Vec::new(), schema(columns)?, Arc::new(properties))?;
+    let mut writer = SerializedFileWriter::new(Vec::new(), schema(columns, &kinds)?, Arc::new(properties))?;
     let mut failed = None;
     rows(&points, times, |stamp, row| {
         table.stamps.push(stamp);
@@ -34,15 +35,15 @@ pub(crate) fn parquet(
             cells.push(*value);
         }
         if table.stamps.len() == ROWS && failed.is_none() {
-            failed = table.flush(&mut writer, &points, start).err();
+            failed = table.flush(&mut writer, &points, &kinds, start).err();
         }
     });
     failed.map_or(Ok(()), Err)?;
-    table.flush(&mut writer, &points, start)?;
+    table.flush(&mut writer, &points, &kinds, start)?;
     writer.into_inner()
 }
 
-fn schema(columns: &[(String, &Points)]) -> Result<Arc<Type>> {
+fn schema(columns: &[(String, &Points)], kinds: &[Kind]) -> Result<Arc<Type>> {
     let field = |name: &str, physical, logical, repetition| {
         let builder = Type::primitive_type_builder(name, physical);
         builder.with_logical_type(logical).with_repetition(repetition).build().map(Arc::new)
@@ -51,9 +52,9 @@ fn schema(columns: &[(String, &Points)]) -> Result<Arc<Type>> {
         field("time_s", Physical::DOUBLE, None, Repetition::REQUIRED)?,
         field("time_ns", Physical::INT64, None, Repetition::REQUIRED)?,
     ];
-    for (name, points) in columns {
+    for ((name, _), kind) in columns.iter().zip(kinds) {
         let integer = |is_signed| Some(LogicalType::Integer { bit_width: 64, is_signed });
-        let (physical, logical) = match Kind::of(points) {
+        let (physical, logical) = match kind {
             Kind::Name => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
             Kind::Number => (Physical::DOUBLE, None),
             Kind::Signed => (Physical::INT64, integer(true)),
@@ -109,6 +110,7 @@ impl Table {
         &mut self,
         writer: &mut SerializedFileWriter<W>,
         columns: &[&Points],
+        kinds: &[Kind],
         start: Stamp,
     ) -> Result<()> {
         let mut group = writer.next_row_group()?;
@@ -116,12 +118,12 @@ impl Table {
         write::<DoubleType, _>(&mut group, &seconds, None)?;
         let nanos: Vec<i64> = self.stamps.iter().map(|stamp| stamp.0 as i64).collect();
         write::<Int64Type, _>(&mut group, &nanos, None)?;
-        for (points, cells) in columns.iter().zip(&mut self.cells) {
+        for ((points, kind), cells) in columns.iter().zip(kinds).zip(&mut self.cells) {
             let is_present = |index: &usize| !points.values[*index].is_nan();
             let cells: Vec<Option<usize>> = cells.drain(..).map(|cell| cell.filter(is_present)).collect();
             let present: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
             let indices = cells.into_iter().flatten();
-            match Kind::of(points) {
+            match kind {
                 Kind::Name => {
                     let name =
                         |value| points.name(value).map_or_else(|| value.to_string(), ToString::to_string);

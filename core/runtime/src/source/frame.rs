@@ -7,7 +7,7 @@ use super::recording_state::RecordingState;
 use super::run_tag::RunTag;
 use super::tracks::Track;
 use super::transform_clock::TransformClock;
-use crate::conversion::{acquisition_time, canonical, states_acquisition};
+use crate::conversion::{acquisition_time, canonical, publication_time, states_acquisition};
 use crate::history::{Moment, RunId, RunSummary};
 use crate::role::{ROLE, Role};
 use rcs_bus::Sample;
@@ -73,11 +73,18 @@ pub struct Topic {
     pub latest: Option<Sample>,
     /// Whether `latest` is outdated: the right message was not kept and is being computed again.
     pub pending: bool,
-    pub(crate) canonical: Arc<OnceLock<Option<AnyMessage>>>,
+    pub(crate) derived: Arc<Derived>,
     /// Name of the canonical type, once it has been asked for.
     pub(crate) type_name: Arc<OnceLock<Option<&'static str>>>,
     /// Number of frames for which the newest message is converted before they are shown; the same in all frames.
     pub(crate) read_lately: Arc<AtomicU8>,
+}
+
+/// What has been found out about the newest message of a topic; each once, when it is asked for.
+#[derive(Debug, Default)]
+pub(crate) struct Derived {
+    canonical: OnceLock<Option<AnyMessage>>,
+    acquired: OnceLock<Stamp>,
 }
 
 /// A topic that nobody has read in so many frames is not converted before it is shown.
@@ -101,7 +108,7 @@ impl Topic {
             undecodable: None,
             latest: None,
             pending: false,
-            canonical: Arc::default(),
+            derived: Arc::default(),
             type_name: Arc::default(),
             read_lately: Arc::default(),
         }
@@ -110,9 +117,13 @@ impl Topic {
     /// The same topic with another newest message.
     #[must_use]
     pub fn with_latest(mut self, sample: Sample) -> Self {
-        self.latest = Some(sample);
-        self.canonical = Arc::default();
+        self.set_latest(Some(sample));
         self
+    }
+
+    pub(crate) fn set_latest(&mut self, sample: Option<Sample>) {
+        self.latest = sample;
+        self.derived = Arc::default();
     }
 
     /// The newest message converted to the canonical type of its schema (a ROS 2 image to a `foxglove.RawImage`, …);
@@ -123,7 +134,7 @@ impl Topic {
     }
 
     fn converted(&self) -> Option<&AnyMessage> {
-        self.canonical.get_or_init(|| canonical(&self.latest.as_ref()?.message)).as_ref()
+        self.derived.canonical.get_or_init(|| canonical(&self.latest.as_ref()?.message)).as_ref()
     }
 
     /// Converts the newest message, if that of one of the last frames was read: whoever reads it need not wait.
@@ -136,18 +147,20 @@ impl Topic {
     }
 
     /// Time of acquisition of the newest message: what the message or its writer says ([`crate::acquisition_time`]). A
-    /// recorded message is converted for it; of one that is only decoded and is large, the time of publication counts.
-    /// `None` before the first message.
+    /// recorded message is converted for it, at most once; of one that is only decoded and is large, the time of
+    /// publication counts. `None` before the first message.
     pub fn acq_time(&self) -> Option<Stamp> {
         let Sample { header, message } = self.latest.as_ref()?;
         if !self.run.is_recorded() || states_acquisition(&self.metadata) {
             return Some(header.acq_time);
         }
-        let message = self.converted().unwrap_or(message);
-        if !message.is_typed() && message.bytes().len() > MOST_DECODED_BYTES {
-            return Some(header.acq_time);
-        }
-        Some(acquisition_time(message, header.acq_time, header.log_time))
+        Some(*self.derived.acquired.get_or_init(|| {
+            let message = self.converted().unwrap_or(message);
+            if !message.is_typed() && message.bytes().len() > MOST_DECODED_BYTES {
+                return publication_time(header.acq_time, header.log_time);
+            }
+            acquisition_time(message, header.acq_time, header.log_time)
+        }))
     }
 
     /// The newest message, if it is a `T` or converts to one.
@@ -394,7 +407,7 @@ mod tests {
             let message = AnyMessage::new(Vector2 { x: 1.0, y: 2.0 });
             topic = topic.clone().with_latest(Sample { header, message });
             topic.convert_ahead();
-            let is_converted = topic.canonical.get().is_some();
+            let is_converted = topic.derived.canonical.get().is_some();
             assert!(!reads || topic.canonical().is_some());
             is_converted
         };
@@ -417,7 +430,7 @@ mod tests {
             topic.with_latest(Sample { header, message: stored.clone() })
         };
         let mut recorded = topic(RunTag::Recorded);
-        assert!(recorded.canonical.get().is_none(), "nothing is decoded before it is asked for");
+        assert!(recorded.derived.canonical.get().is_none(), "nothing is decoded before it is asked for");
         assert_eq!(recorded.acq_time(), Some(Stamp(3)));
         recorded.metadata = Arc::new([("rcs.writer".to_owned(), "lidar".to_owned())].into());
         assert_eq!(recorded.acq_time(), Some(Stamp(7)));

@@ -15,7 +15,7 @@ use rcs_geom::TransformTree;
 use rcs_log::{Cursor, CursorOptions, Log, LogMessage, MessagePosition, Reassembled, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Types whose messages have something to show.
@@ -82,7 +82,7 @@ impl LogView {
                 undecodable: topic.undecodable_because.as_deref().map(Arc::from),
                 latest: None,
                 pending: false,
-                canonical: Arc::new(OnceLock::new()),
+                derived: Arc::default(),
                 type_name: Arc::default(),
                 read_lately: Arc::default(),
             });
@@ -155,8 +155,7 @@ impl LogView {
     /// Shows everything before `time`, and positions the cursor there.
     fn look_up_before(&mut self, time: Stamp) -> Result<(), SourceError> {
         for (index, topic) in self.topics.iter_mut().enumerate() {
-            topic.latest = None;
-            topic.canonical = Arc::new(OnceLock::new());
+            topic.set_latest(None);
             topic.hz = self.means[index];
             self.times[index].clear();
         }
@@ -224,8 +223,7 @@ impl LogView {
             acq_time: stored.publish_time,
             writer: WriterId::RUNTIME,
         };
-        topic.latest = Some(Sample { header, message });
-        topic.canonical = Arc::new(OnceLock::new());
+        topic.set_latest(Some(Sample { header, message }));
         self.times[index].take(header.log_time);
         if let Some(hz) = self.times[index].rate_hz() {
             topic.hz = Some(hz);

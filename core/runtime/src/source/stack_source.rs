@@ -30,7 +30,7 @@ use rcs_log::{Log, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// A forward move by less than this through dropped messages executes them at once, because the source plays or steps.
 const STEP_NS: u64 = 500_000_000;
@@ -265,8 +265,7 @@ impl StackSource {
                 _ => false,
             };
             if !same {
-                topic.latest = latest;
-                topic.canonical = Arc::new(OnceLock::new());
+                topic.set_latest(latest);
             }
             topic.messages = self.session.messages(buffer);
             topic.hz = self.times.rate_hz(buffer, topic.messages);
@@ -283,7 +282,7 @@ impl StackSource {
             let own = self.topics.iter().enumerate().map(|(buffer, topic)| {
                 let shown = self.session.latest_in(at, buffer);
                 let mut topic = Topic { run: RunTag::Run(run), pending: shown.pending, ..topic.clone() };
-                (topic.latest, topic.canonical) = (shown.sample, Arc::default());
+                topic.set_latest(shown.sample);
                 topic
             });
             let own: Vec<Topic> = own.collect();

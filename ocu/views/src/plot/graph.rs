@@ -163,7 +163,7 @@ pub(super) fn ui(
         }
     }
     curves(&inside, drawn, &reduced, &axes, quantities, tokens);
-    let mut acts = pointer(ui, cx, graph, drawn, place, &response, &axes);
+    let mut acts = pointer(ui, graph, drawn, place, &response, &axes);
     let at = times(ui, cx, drawn, place, &response, &axes, &inside);
     acts.extend(legend(ui, saved, drawn, place, at));
     acts
@@ -279,7 +279,6 @@ fn times(
 /// What the pointer does on the graph.
 fn pointer(
     ui: &Ui,
-    cx: &ViewContext<'_>,
     graph: &Graph,
     drawn: &Drawn,
     place: &Place,
@@ -342,7 +341,6 @@ fn pointer(
             }
         }
     }
-    let _ = cx;
     acts
 }
 

@@ -111,7 +111,7 @@ impl View for Plot {
     }
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        let asked = self.toolbar(ui, cx.frame);
+        let asked = self.toolbar(ui);
         self.entry_ui(ui, cx.frame);
         if asked == Some(Tool::Add) {
             self.entry = Some(Entry::new(None));
@@ -156,7 +156,7 @@ fn csv(drawn: &[Drawn], clock: Clock, range: (f64, f64)) -> Wish {
 }
 
 impl Plot {
-    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame) -> Option<Tool> {
+    fn toolbar(&mut self, ui: &mut Ui) -> Option<Tool> {
         let mut asked = None;
         let has_curves = !self.saved.graphs.is_empty();
         let mut bar: Bar<'_, (&mut Saved, &mut Option<Tool>)> = Bar::new("toolbar");
@@ -182,7 +182,7 @@ impl Plot {
         tool("fit", icons::ICON_FIT_SCREEN, "Fit to graph", Tool::Fit, 9, has_curves, false);
         tool("csv", icons::ICON_TABLE_VIEW, "Save the values as text (CSV)", Tool::Csv, 2, has_curves, true);
         tool("picture", icons::ICON_PHOTO_CAMERA, "Save as a picture", Tool::Picture, 1, has_curves, true);
-        bar.left("span", Fit::Stays, |ui, form, (saved, _)| span_choice(ui, form, frame, &mut saved.span));
+        bar.left("span", Fit::Stays, |ui, form, (saved, _)| span_choice(ui, form, &mut saved.span));
         bar.left("statistics", Fit::Leaves(5), |ui, form, (saved, _)| {
             bar::tool_toggle(ui, form, icons::ICON_FUNCTIONS, "Statistics", &mut saved.statistics);
         });
@@ -332,7 +332,7 @@ fn limited(from: f64, to: f64) -> Span {
 }
 
 /// The choice of the visible part of the time axis.
-fn span_choice(ui: &mut Ui, form: Form, frame: &Frame, span: &mut Span) {
+fn span_choice(ui: &mut Ui, form: Form, span: &mut Span) {
     let text = match *span {
         Span::All => "All".to_owned(),
         Span::Last(s) => format!("Last {s} s"),
@@ -344,7 +344,6 @@ fn span_choice(ui: &mut Ui, form: Form, frame: &Frame, span: &mut Span) {
             ui.selectable_value(span, Span::Last(s), format!("Last {s} s"));
         }
     });
-    let _ = frame;
 }
 
 /// The color of a curve.
