@@ -192,17 +192,23 @@ impl TransformTree {
         }
     }
 
+    /// Inverts the transforms above a frame, so that it becomes the root of its tree. Poses at the times of samples stay
+    /// the same; between two samples they differ slightly, because the inverse transforms are interpolated. The cost is
+    /// one copy of all samples of these transforms.
+    pub fn make_root(&mut self, frame: &str) {
+        let mut child = frame.to_owned();
+        let mut above = self.links.remove(frame);
+        while let Some(Link { parent, edge }) = above {
+            above = self.links.remove(&parent);
+            let inverse = Link { parent: child, edge: edge.inverse() };
+            self.links.insert(parent.clone(), inverse);
+            child = parent;
+        }
+    }
+
     /// `target_from_source` at a time: takes points of `source` into `target`.
     pub fn lookup(&self, target: &str, source: &str, time_ns: u64) -> Result<Pose, TransformError> {
-        let (target_chain, source_chain) = self.chains(target, source)?;
-        let ancestor_from = |chain: &[(&str, &Link)]| {
-            chain.iter().try_fold(Pose::IDENTITY, |frame_from_start, (frame, link)| {
-                Ok(link.at(frame, time_ns)? * frame_from_start)
-            })
-        };
-        let ancestor_from_target = ancestor_from(&target_chain)?;
-        let ancestor_from_source = ancestor_from(&source_chain)?;
-        Ok(ancestor_from_target.inverse() * ancestor_from_source)
+        self.compose(target, source, |frame, link| link.at(frame, time_ns))
     }
 
     /// The newest time for which [`TransformTree::lookup`] of these frames succeeds; `None` if the path between them is
@@ -213,16 +219,32 @@ impl TransformTree {
         Ok(target_chain.iter().chain(&source_chain).filter_map(newest).min())
     }
 
-    /// As [`TransformTree::lookup`]; where there are no data at that time, at the nearest time with data: the oldest or the
-    /// newest for which the path between the frames is complete.
-    pub fn lookup_nearest(&self, target: &str, source: &str, time_ns: u64) -> Result<Pose, TransformError> {
+    /// As [`TransformTree::newest`], of the samples that are not later than `time_ns` alone: what was known at that time. The
+    /// error says if a transform on the path has no such sample.
+    pub fn newest_until(
+        &self,
+        target: &str,
+        source: &str,
+        time_ns: u64,
+    ) -> Result<Option<u64>, TransformError> {
         let (target_chain, source_chain) = self.chains(target, source)?;
-        let links = target_chain.iter().chain(&source_chain);
-        let (mut oldest, mut newest) = (0, u64::MAX);
-        for (first, last) in links.filter_map(|(_, link)| link.span()) {
-            (oldest, newest) = (oldest.max(first), newest.min(last));
+        let mut newest: Option<u64> = None;
+        for (frame, link) in target_chain.iter().chain(&source_chain) {
+            if let Some(last) = link.last_until(frame, time_ns)? {
+                newest = Some(newest.map_or(last, |newest| newest.min(last)));
+            }
         }
-        self.lookup(target, source, time_ns.max(oldest).min(newest))
+        Ok(newest)
+    }
+
+    /// As [`TransformTree::lookup`]; each transform on the path that has no data at that time counts with its oldest or
+    /// newest sample, whichever is nearer. So a transform that is rarely sent does not hold back the others. It fails only
+    /// if the frames are not connected; [`TransformTree::newest`] tells how old the path is.
+    pub fn lookup_nearest(&self, target: &str, source: &str, time_ns: u64) -> Result<Pose, TransformError> {
+        self.compose(target, source, |frame, link| {
+            let time_ns = link.span().map_or(time_ns, |(first, last)| time_ns.clamp(first, last));
+            link.at(frame, time_ns)
+        })
     }
 
     /// Whether it has no transform.
@@ -247,6 +269,24 @@ impl TransformTree {
     /// Whether any transform names this frame.
     pub fn contains(&self, frame: &str) -> bool {
         self.links.contains_key(frame) || self.links.values().any(|link| link.parent == frame)
+    }
+
+    /// `target_from_source` by what `parent_from` says of each transform on the path.
+    fn compose(
+        &self,
+        target: &str,
+        source: &str,
+        parent_from: impl Fn(&str, &Link) -> Result<Pose, TransformError>,
+    ) -> Result<Pose, TransformError> {
+        let (target_chain, source_chain) = self.chains(target, source)?;
+        let ancestor_from = |chain: &[(&str, &Link)]| -> Result<Pose, TransformError> {
+            chain.iter().try_fold(Pose::IDENTITY, |frame_from_start, &(frame, link)| {
+                Ok(parent_from(frame, link)? * frame_from_start)
+            })
+        };
+        let ancestor_from_target = ancestor_from(&target_chain)?;
+        let ancestor_from_source = ancestor_from(&source_chain)?;
+        Ok(ancestor_from_target.inverse() * ancestor_from_source)
     }
 
     /// The transforms from each of the two frames up to their nearest common ancestor.
@@ -316,6 +356,19 @@ impl TransformTree {
     }
 }
 
+impl Edge {
+    /// The transform in the other direction.
+    fn inverse(&self) -> Edge {
+        match self {
+            Edge::Static(pose) => Edge::Static(pose.inverse()),
+            Edge::Timed(samples) => {
+                let inverse = samples.iter().map(|&(time_ns, pose)| (time_ns, pose.inverse()));
+                Edge::Timed(Arc::new(inverse.collect()))
+            }
+        }
+    }
+}
+
 impl Link {
     /// Times of the oldest and newest sample; `None` for a static transform.
     fn span(&self) -> Option<(u64, u64)> {
@@ -323,6 +376,21 @@ impl Link {
             Edge::Static(_) => None,
             Edge::Timed(samples) => Some((samples.front()?.0, samples.back()?.0)),
         }
+    }
+
+    /// Time of the newest sample that is not later than `time_ns`; `None` for a static transform.
+    fn last_until(&self, frame: &str, time_ns: u64) -> Result<Option<u64>, TransformError> {
+        let Edge::Timed(samples) = &self.edge else { return Ok(None) };
+        let count = samples.partition_point(|&(t, _)| t <= time_ns);
+        let last = count.checked_sub(1).and_then(|last| samples.get(last));
+        last.map(|&(t, _)| Some(t)).ok_or_else(|| self.outside(frame, time_ns))
+    }
+
+    /// The error that there are no data at a time.
+    fn outside(&self, frame: &str, time_ns: u64) -> TransformError {
+        let (first_ns, last_ns) = self.span().unwrap_or_default();
+        let (frame, parent) = (frame.to_owned(), self.parent.clone());
+        TransformError::OutsideData { frame, parent, time_ns, first_ns, last_ns }
     }
 
     /// `parent_from_frame` at a time.
@@ -338,11 +406,7 @@ impl Link {
             (Some((t0, before)), Some((t1, after))) => {
                 Ok(before.interpolate(&after, (time_ns - t0) as f64 / (t1 - t0) as f64))
             }
-            _ => {
-                let (first_ns, last_ns) = self.span().unwrap_or_default();
-                let (frame, parent) = (frame.to_owned(), self.parent.clone());
-                Err(TransformError::OutsideData { frame, parent, time_ns, first_ns, last_ns })
-            }
+            _ => Err(self.outside(frame, time_ns)),
         }
     }
 }

@@ -51,20 +51,39 @@ fn static_way_below_a_timed_edge_is_valid_at_all_times() {
 }
 
 #[test]
+fn the_newest_sample_until_a_time_is_not_later_than_it() {
+    let tree = tree();
+    let newest = |target, source, time| tree.newest_until(target, source, time);
+    for (asked, found) in [(1000, 1000), (1999, 1000), (2000, 2000), (u64::MAX, 2000)] {
+        assert_eq!(newest("local", "left", asked), Ok(Some(found)), "{asked}");
+    }
+    assert_eq!(
+        [1500, 1999, 9000].map(|time| newest("global", "left", time)),
+        [Ok(Some(1000)), Ok(Some(1000)), Ok(Some(1500))]
+    );
+    assert_eq!(newest("left", "right", 0), Ok(None));
+    assert!(matches!(newest("local", "left", 999), Err(TransformError::OutsideData { time_ns: 999, .. })));
+    assert!(matches!(newest("moon", "left", 0), Err(TransformError::UnknownFrame { .. })));
+}
+
+#[test]
 fn outside_of_the_data_the_nearer_end_is_used() {
     let tree = tree();
     for (asked, used) in [(0, 1000), (999, 1000), (1200, 1200), (2001, 2000), (u64::MAX, 2000)] {
         let expected = tree.lookup("local", "left", used).unwrap();
         assert_eq!(tree.lookup_nearest("local", "left", asked), Ok(expected), "{asked}");
     }
-    // One sample above restricts the way to its time.
-    assert_eq!(tree.lookup_nearest("global", "left", 1900), tree.lookup("global", "left", 1500));
+    // One sample above counts at all times, and does not restrict the way to its time.
+    for asked in [1200, 1500, 1900] {
+        let expected = translated(100.0) * tree.lookup("local", "left", asked).unwrap();
+        assert!(near(&tree.lookup_nearest("global", "left", asked).unwrap(), &expected), "{asked}");
+    }
     assert_eq!(tree.lookup_nearest("left", "right", 0), tree.lookup("left", "right", 7));
     assert!(matches!(tree.lookup_nearest("moon", "left", 0), Err(TransformError::UnknownFrame { .. })));
     let mut apart = TransformTree::new();
     apart.insert("a", "b", 0, translated(1.0)).unwrap();
     apart.insert("b", "c", 9, translated(1.0)).unwrap();
-    assert!(matches!(apart.lookup_nearest("a", "c", 5), Err(TransformError::OutsideData { .. })));
+    assert_eq!(apart.lookup_nearest("a", "c", 5), Ok(translated(2.0)), "no common time is needed");
 }
 
 #[test]
@@ -146,6 +165,26 @@ proptest! {
             prop_assert!((pose.translation.x - query as f64).abs() < 1e-9);
         }
     }
+}
+
+#[test]
+fn a_frame_that_becomes_the_root_leaves_all_poses_as_they_are() {
+    let before = tree();
+    let mut after = tree();
+    after.make_root("vehicle");
+    assert_eq!(
+        ["vehicle", "local", "global"].map(|frame| after.parent(frame)),
+        [None, Some("vehicle"), Some("local")]
+    );
+    for (target, source) in [("local", "left"), ("right", "local"), ("global", "left")] {
+        for time in [1000, 2000] {
+            let poses = [&before, &after].map(|tree| tree.lookup_nearest(target, source, time).unwrap());
+            assert!(near(&poses[0], &poses[1]), "{target} {source} {time}");
+        }
+    }
+    after.make_root("vehicle");
+    after.make_root("moon");
+    assert_eq!(after.frames(), before.frames());
 }
 
 #[test]

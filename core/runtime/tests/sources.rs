@@ -6,11 +6,14 @@ mod common;
 
 use common::{PAIR, plan, seconds, write_log};
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
-use rcs_msg::{AnyMessage, foxglove, rcs};
-use rcs_runtime::RunOptions;
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs, schema_of};
 use rcs_runtime::source::{
     Control, Driver, Frame, LogSource, RunTag, Source, SourceKind, StackSource, Step, Task, finish_idle,
 };
+use rcs_runtime::{
+    Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RunOptions, StackFile,
+};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
@@ -92,6 +95,66 @@ fn a_seek_shows_the_newest_message_of_every_topic_whichever_way_it_came() {
             assert_eq!(x_of(&frame, topic), reference.map(|(_, _, x)| *x), "{topic} at {to} s");
         }
     }
+}
+
+#[test]
+fn channels_with_one_name_that_are_read_alike_are_one_topic_with_the_newest_message_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+    let channels = ["/silent", "/a", "/b"].map(|node| {
+        let metadata = BTreeMap::from([("callerid".to_owned(), node.to_owned())]);
+        writer.add_channel("/points", schema_of::<foxglove::Vector3>(), &metadata).unwrap()
+    });
+    let messages = [(2, 0.0, 1.0), (1, 1.0, 2.0), (2, 2.0, 3.0), (1, 3.0, 4.0), (1, 9.0, 5.0)];
+    for (channel, time_s, x) in messages {
+        let header = WriteHeader { sequence: 1, log_time: seconds(time_s), publish_time: seconds(time_s) };
+        let message = AnyMessage::new(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+        writer.write(channels[channel], header, &message.bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let mut source = LogSource::open(&path).unwrap();
+    // By jumps and by reading on.
+    for (to_s, x) in [(9.5, 5.0), (1.5, 2.0), (2.5, 3.0), (0.5, 1.0), (3.5, 4.0), (2.5, 3.0), (3.0, 4.0)] {
+        source.seek(seconds(to_s), &Task::default()).unwrap();
+        let frame = source.frame();
+        assert_eq!(frame.topics.len(), 1);
+        let topic = &frame.topics[0];
+        assert_eq!(x_of(&frame, "/points"), Some(x), "at {to_s} s");
+        assert_eq!(topic.messages, 5);
+        assert_eq!(topic.metadata["callerid"], "/a, /b", "of the channels with messages");
+    }
+}
+
+#[test]
+fn transforms_are_shared_while_the_log_is_still_being_read() {
+    const COUNT: u64 = 50_000;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+    // No topic with positions.
+    let channel =
+        writer.add_channel("/tf", schema_of::<foxglove::FrameTransforms>(), &BTreeMap::new()).unwrap();
+    for i in 1..=COUNT {
+        let time = Stamp(i * 1_000_000);
+        let transform = foxglove::FrameTransform {
+            timestamp: Some(time.to_proto()),
+            parent_frame_id: "odom".into(),
+            child_frame_id: "base".into(),
+            translation: Some(foxglove::Vector3::default()),
+            rotation: Some(foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+        };
+        let header = WriteHeader { sequence: i as u32, log_time: time, publish_time: time };
+        let message = AnyMessage::new(foxglove::FrameTransforms { transforms: vec![transform] });
+        writer.write(channel, header, &message.bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let mut source = LogSource::open(&path).unwrap();
+    let mut is_early = false;
+    while source.idle() {
+        is_early |= source.frame().transforms.contains("base");
+    }
+    assert!(is_early, "shared at the end only");
 }
 
 #[test]
@@ -243,7 +306,7 @@ fn playing_jumps_over_a_gap_of_decades_and_misses_no_message() {
         let _ = wakes.recv_timeout(Duration::from_millis(5));
     }
     // Playing goes a little into the gap, and no further.
-    let within = |time: &&rcs_msg::Stamp| **time > seconds(60.0) && **time < seconds(LATE_S);
+    let within = |time: &&Stamp| **time > seconds(60.0) && **time < seconds(LATE_S);
     assert_eq!(times.iter().find(within), None);
     assert_eq!(seen.last(), Some(&(Some(4.0), Some(3.0))), "{seen:?}");
     assert!(seen.contains(&(Some(2.0), None)), "shown before the gap: {seen:?}");
@@ -304,4 +367,127 @@ inputs = { input = "/in" }
     while source.step(&step, &Task::default()).unwrap() {}
     assert_eq!(x_of(&source.frame(), "/adder/sum"), Some(0.2));
     assert!(source.now() <= end);
+}
+
+/// Says where the vehicle is in the frame `local`: at the x that it reads.
+#[derive(Clone, Serialize, Deserialize)]
+struct Mover;
+
+struct MoverPorts {
+    input: In<foxglove::Vector3>,
+    pose: Out<foxglove::Odometry>,
+}
+
+impl Process for Mover {
+    type Params = rcs::NoParams;
+    type Ports = MoverPorts;
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "mover",
+        summary: "Moves.",
+        period_ms: 20.0,
+        latency_ms: 0.0,
+        reads_ground_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        MoverPorts {
+            input: b.input("input", "Where the vehicle is."),
+            pose: b.output("pose", "Pose of the vehicle.").build(),
+        }
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self
+    }
+
+    fn cycle(&mut self, ports: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        if let Some(message) = cx.read_newest(&ports.input) {
+            let (time, position) = (message.acq_time(), foxglove::Vector3 { x: message.x, y: 0.0, z: 0.0 });
+            let pose = foxglove::Pose { position: Some(position), orientation: Some(UPRIGHT) };
+            let odometry = foxglove::Odometry {
+                timestamp: Some(time.to_proto()),
+                frame_id: "local".to_owned(),
+                body_frame_id: "vehicle".to_owned(),
+                pose: Some(pose),
+                ..foxglove::Odometry::default()
+            };
+            cx.write(&ports.pose, time, odometry);
+        }
+        cx.exec("moving");
+    }
+}
+
+const UPRIGHT: foxglove::Quaternion = foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
+
+/// A log of `/a`, which a `Mover` reads, and of transforms along x: a mount on a topic with the role of static transforms,
+/// and the recorded place of the vehicle.
+fn log_with_transforms() -> rcs_log::Log {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+    let role = BTreeMap::from([("rcs.role".to_owned(), "static_transforms".to_owned())]);
+    let transforms = schema_of::<foxglove::FrameTransforms>();
+    let vectors = writer.add_channel("/a", schema_of::<foxglove::Vector3>(), &BTreeMap::new()).unwrap();
+    let mounts = writer.add_channel("/mounts", transforms, &role).unwrap();
+    let tf = writer.add_channel("/tf", transforms, &BTreeMap::new()).unwrap();
+    let transform = |time: Stamp, parent: &str, child: &str, x: f64| {
+        let transform = foxglove::FrameTransform {
+            timestamp: Some(time.to_proto()),
+            parent_frame_id: parent.to_owned(),
+            child_frame_id: child.to_owned(),
+            translation: Some(foxglove::Vector3 { x, y: 0.0, z: 0.0 }),
+            rotation: Some(UPRIGHT),
+        };
+        AnyMessage::new(foxglove::FrameTransforms { transforms: vec![transform] })
+    };
+    for (sequence, (time_s, x)) in (1..).zip([(0.0, 1.0), (0.5, 2.0), (1.0, 3.0)]) {
+        let time = seconds(time_s);
+        let header = WriteHeader { sequence, log_time: time, publish_time: time };
+        let vector = AnyMessage::new(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+        writer.write(vectors, header, &vector.bytes()).unwrap();
+        writer.write(mounts, header, &transform(time, "vehicle", "lidar", 0.5).bytes()).unwrap();
+        writer.write(tf, header, &transform(time, "odom", "vehicle", 10.0 * x).bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    rcs_log::Log::from_bytes(std::fs::read(&path).unwrap().into()).unwrap()
+}
+
+#[test]
+fn transforms_of_a_channel_with_the_role_of_static_ones_hold_at_all_times() {
+    let mut source = LogSource::new(&log_with_transforms()).unwrap();
+    finish_idle(&mut source);
+    let tree = source.frame().transforms;
+    assert_eq!(tree.newest("vehicle", "lidar"), Ok(None));
+    assert_eq!(tree.newest("odom", "vehicle"), Ok(Some(seconds(1.0).0)));
+}
+
+#[test]
+fn a_stack_on_a_recording_shows_its_own_transforms_beside_the_recorded_ones() {
+    let stack = "
+format = 1
+name = \"moving\"
+[[input]]
+buffer = \"/in\"
+topic = \"/a\"
+[[process]]
+name = \"mover\"
+plugin = \"mover\"
+supervisor = \"viewer\"
+inputs = { input = \"/in\" }
+";
+    let file = StackFile::parse("test.toml", stack).unwrap();
+    let plan = Arc::new(Plan::new(file, &[ProcessType::of::<Mover>()], &[]).unwrap());
+    let mut source = StackSource::new(plan, Some(&log_with_transforms()), RunOptions::default()).unwrap();
+    source.seek(seconds(1.0), &Task::default()).unwrap();
+    finish_idle(&mut source);
+    let frame = source.frame();
+    let x = |target: &str, source: &str| {
+        let pose = frame.transforms.lookup_nearest(target, source, frame.now.0);
+        pose.map(|pose| pose.translation.x)
+    };
+    assert_eq!(x("local", "lidar"), Ok(3.5), "computed, and the recorded mount");
+    assert_eq!(x("odom", "lidar"), Ok(30.5), "recorded");
+    assert_eq!(x("odom", "local"), Ok(27.0));
+    assert!(Arc::ptr_eq(&frame.transforms, &source.frame().transforms), "shared while nothing changes");
 }

@@ -138,14 +138,14 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &Row<'_>, wide: bool) {
     }
 }
 
-/// Pose of a frame in its parent at the viewed time, or the newest before it; and its time by the clock of the transforms,
-/// `None` for a static one. `None` before the first transform: this view shows no pose that is not known yet.
+/// The newest pose of a frame in its parent until the viewed time; and its time by the clock of the transforms, `None` for a
+/// static one. `None` before the first transform: this view shows no pose that is not known yet. The transforms of a
+/// recording are also those that come later, so nothing is interpolated.
 fn pose(frame: &Frame, parent: &str, child: &str) -> Option<(Pose, Option<Stamp>)> {
     let (tree, now) = (&frame.transforms, frame.transform_time(frame.now));
-    let newest = tree.newest(parent, child).ok()?;
-    let at = newest.map_or(now.0, |newest| newest.min(now.0));
-    let pose = tree.lookup(parent, child, at).ok()?;
-    Some((pose, newest.map(|_| Stamp(at))))
+    let newest = tree.newest_until(parent, child, now.0).ok()?;
+    let pose = tree.lookup(parent, child, newest.unwrap_or(now.0)).ok()?;
+    Some((pose, newest.map(Stamp)))
 }
 
 fn position(pose: &Pose) -> String {
@@ -162,4 +162,30 @@ fn attitude(pose: &Pose) -> String {
 /// A number rounded to what is shown, so that a small negative one is not shown as "-0".
 fn zero(value: f64, digits: f64) -> f64 {
     (value * digits).round() / digits + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use std::sync::Arc;
+
+    #[test]
+    fn the_age_of_a_transform_that_is_silent_grows_although_the_recording_has_later_ones() {
+        let mut tree = TransformTree::new();
+        for (time_ns, x) in [(10, 1.0), (20, 2.0), (100, 10.0)] {
+            tree.insert("odom", "base", time_ns, Pose::from_xy_yaw(x, 0.0, 0.0)).unwrap();
+        }
+        tree.set_static("base", "camera", Pose::from_xy_yaw(3.0, 0.0, 0.0)).unwrap();
+        let transforms = Arc::new(tree);
+        let shown = |parent: &str, child: &str, now: u64| {
+            let frame = Frame { transforms: Arc::clone(&transforms), now: Stamp(now), ..samples::empty() };
+            pose(&frame, parent, child).map(|(pose, time)| (pose.translation.x, time))
+        };
+        assert_eq!(shown("odom", "base", 9), None);
+        assert_eq!(shown("odom", "base", 20), Some((2.0, Some(Stamp(20)))));
+        assert_eq!(shown("odom", "base", 99), Some((2.0, Some(Stamp(20)))));
+        assert_eq!(shown("odom", "base", 200), Some((10.0, Some(Stamp(100)))));
+        assert_eq!(shown("base", "camera", 0), Some((3.0, None)));
+    }
 }

@@ -29,8 +29,6 @@ const SLIPS_A_LITTLE: f64 = 0.2;
 const SLIP_TIMEOUT_S: f64 = 0.25;
 /// Largest variance of a fix that says anything, m². Some receivers state the largest number for an unknown one.
 const WIDEST_M2: f64 = 1e8;
-/// Status of a position fix by ROS conventions, where the receiver has none: `NavSatStatus::STATUS_NO_FIX`.
-const NO_FIX: &str = "-1";
 /// Time between two global estimates that are sent, ns.
 const GLOBAL_PERIOD_NS: u64 = 100_000_000;
 /// Stated variance of roll and pitch: that of the filter on rough ground, rad².
@@ -409,7 +407,7 @@ impl Localization {
 
     fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams, now: Stamp) -> Result<(), String> {
         let Some(attitude) = &self.attitude else { return Ok(()) };
-        if fix.metadata.iter().any(|pair| pair.key == "status" && pair.value == NO_FIX) {
+        if fix.metadata.iter().any(|pair| pair.key == "status" && is_without_fix(&pair.value)) {
             return Err("the receiver has no position fix".to_owned());
         }
         // A fix is compared with where the vehicle is now.
@@ -532,6 +530,12 @@ impl Localization {
         };
         cx.write(&ports.transforms, time, FrameTransforms { transforms: vec![transform] });
     }
+}
+
+/// Whether the `status` in the metadata of a position fix says that there is none. By ROS's `NavSatStatus` a fix is valid
+/// from 0 on; -1 is none, and -2 unknown.
+fn is_without_fix(status: &str) -> bool {
+    status.parse::<i32>().is_ok_and(|status| status < 0)
 }
 
 fn way_slip(slipped: &Slipped, time: Stamp) -> rcs::WaySlip {

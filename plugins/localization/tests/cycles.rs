@@ -194,11 +194,12 @@ fn a_position_that_stands_still_for_want_of_encoders_is_not_sent() {
 #[test]
 fn a_fix_without_a_position_is_a_fault_and_does_not_place_the_origin() {
     let nowhere = LocationFix { latitude: 0.0, longitude: 0.0, ..fix(0.0, 1.0) };
-    let metadata = vec![KeyValuePair { key: "status".to_owned(), value: "-1".to_owned() }];
+    let metadata = |status: &str| vec![KeyValuePair { key: "status".to_owned(), value: status.to_owned() }];
     let cases = [
-        (1, LocationFix { metadata: metadata.clone(), ..nowhere.clone() }),
+        (1, LocationFix { metadata: metadata("-1"), ..nowhere.clone() }),
         (1, LocationFix { position_covariance: vec![f64::NAN; 9], ..nowhere.clone() }),
-        (1, LocationFix { metadata, ..fix(50.0, 1.0) }),
+        (1, LocationFix { metadata: metadata("-1"), ..fix(50.0, 1.0) }),
+        (1, LocationFix { metadata: metadata("-2"), ..fix(50.0, 1.0) }),
         // A place like others, until the next fix does not agree with it.
         (0, nowhere),
     ];

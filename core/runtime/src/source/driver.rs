@@ -296,17 +296,25 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 let is_due = shown.elapsed() + Duration::from_millis(1) >= self.shared.every();
                 changed = is_asked || is_due || !self.playback.playing;
             } else if self.idle || self.may_idle {
-                let was_idle = std::mem::replace(&mut self.idle, self.source.idle());
-                self.may_idle = false;
-                if (was_idle && !self.idle) || shown.elapsed() > SHOW_IDLE {
-                    changed = true;
-                }
+                let has_ended = self.work_in_background();
+                changed |= has_ended || shown.elapsed() > SHOW_IDLE;
             }
             if changed {
                 shown = Instant::now();
                 self.show(is_asked);
+                // While it plays, the time until the next frame is used, unless the source needs it to keep up.
+                if self.playback.playing && !self.is_behind && (self.idle || self.may_idle) {
+                    self.work_in_background();
+                }
             }
         }
+    }
+
+    /// Gives the source time for one piece of background work. Whether that was the last one.
+    fn work_in_background(&mut self) -> bool {
+        self.may_idle = false;
+        let was_idle = std::mem::replace(&mut self.idle, self.source.idle());
+        was_idle && !self.idle
     }
 
     /// Publishes a frame, and wakes the window for it; for the clock alone, only a few times a second.

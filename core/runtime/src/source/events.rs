@@ -4,6 +4,7 @@
 //! background), and only appends. A frame refers to the events of each run with a length, so that a longer run makes no
 //! frame more expensive.
 
+use super::known::Known;
 use super::per_run::Gathered;
 use super::run_tag::RunTag;
 use rcs_msg::rcs::r#override::Mode;
@@ -235,21 +236,6 @@ impl Events {
     }
 }
 
-/// What was last known of a topic, so that only changes are events.
-#[derive(Clone, Default)]
-struct Known {
-    state: Option<(i32, String)>,
-    /// Texts of states, without numbers, and when each was last seen.
-    texts: BTreeMap<String, Stamp>,
-    faults: u64,
-    refused: Option<(String, u64, String)>,
-    serial: Option<u64>,
-    is_stopped: Option<bool>,
-    refusals: u64,
-    bumper: [bool; 2],
-    driven: Option<Stamp>,
-}
-
 /// The events of one run, as they are found.
 #[derive(Default)]
 pub(crate) struct EventWatch {
@@ -270,7 +256,8 @@ impl Gathered for EventWatch {
         let store = self.store.read().unwrap_or_else(PoisonError::into_inner);
         let shared = store.all.iter().take_while(|event| event.stamp <= time).cloned();
         let events = Events::of(RunTag::FIRST, shared);
-        Self { store: events.store, known: self.known.clone() }
+        let known = self.known.iter().map(|(topic, known)| (Arc::clone(topic), known.fork(time)));
+        Self { store: events.store, known: known.collect() }
     }
 }
 
@@ -291,19 +278,19 @@ impl EventWatch {
         if let Some(status) = message.get::<rcs::Status>() {
             status_events(known, stamp, status, &mut add);
         } else if let Some(command) = message.get::<rcs::Command>() {
-            if known.serial.replace(command.serial) != Some(command.serial) {
+            if known.serial.set(stamp, command.serial) {
                 let text = format!("{} ({})", command.name, command.serial);
                 add(EventKind::Command, EventLevel::Info, topic, text);
             }
         } else if let Some(stop) = message.get::<rcs::EmergencyStop>() {
-            if known.is_stopped.replace(stop.active) != Some(stop.active) {
+            if known.is_stopped.set(stamp, stop.active) {
                 let text = if stop.active { "emergency stop" } else { "the emergency stop is released" };
                 add(EventKind::Operator, EventLevel::Warning, topic, text.to_owned());
             }
         } else if let Some(event) = message.get::<rcs::JournalEvent>() {
             journal_events(known, stamp, event, &mut add);
         } else if let Some(status) = message.get::<rcs::VehicleStatus>() {
-            if status.refused > known.refusals {
+            if status.refused > known.refusals.get().copied().unwrap_or(0) {
                 add(
                     EventKind::Error,
                     EventLevel::Warning,
@@ -311,10 +298,10 @@ impl EventWatch {
                     format!("refused: {}", status.last_refusal),
                 );
             }
-            known.refusals = status.refused;
-            bumper_events(known, [status.bumper_left, status.bumper_right], topic, &mut add);
+            known.refusals.set(stamp, status.refused);
+            bumper_events(known, stamp, [status.bumper_left, status.bumper_right], topic, &mut add);
         } else if let Some(bumper) = message.get::<rcs::Bumper>() {
-            bumper_events(known, [bumper.left, bumper.right], topic, &mut add);
+            bumper_events(known, stamp, [bumper.left, bumper.right], topic, &mut add);
         } else if let Some(log) = message.get::<foxglove::Log>() {
             let level = match log.level() {
                 foxglove::log::Level::Error | foxglove::log::Level::Fatal => EventLevel::Error,
@@ -342,20 +329,15 @@ fn status_events(
     let text = without_numbers(&status.state_text);
     let same = known
         .state
-        .as_ref()
+        .get()
         .is_some_and(|(state, command)| *state == status.state && *command == status.command);
     // A process that goes to and fro between two texts says nothing new.
-    let is_said = if let Some(last) = known.texts.get_mut(&text) {
-        stamp.seconds_since(std::mem::replace(last, stamp)) < QUIET_S
-    } else {
-        if known.texts.len() >= MOST_TEXTS {
-            known.texts.clear();
-        }
-        known.texts.insert(text, stamp);
-        false
-    };
+    if !known.texts.contains_key(&text) && known.texts.len() >= MOST_TEXTS {
+        known.texts.clear();
+    }
+    let is_said = known.texts.entry(text).or_default().goes_on(stamp, QUIET_S);
     if !same || !is_said {
-        known.state = Some((status.state, status.command.clone()));
+        known.state.set(stamp, (status.state, status.command.clone()));
         let word = status.state().as_str_name();
         let is_error = status.state() == rcs::ProcessState::Error;
         let line = [word, &status.command, &status.state_text].into_iter().filter(|part| !part.is_empty());
@@ -366,20 +348,20 @@ fn status_events(
             add(EventKind::Mode, EventLevel::Info, &status.process, line);
         }
     }
-    if known.faults == 0 && status.faults > 0 || status.faults >= known.faults.saturating_mul(2).max(1) {
+    let told = known.faults.get().copied().unwrap_or(0);
+    if told == 0 && status.faults > 0 || status.faults >= told.saturating_mul(2).max(1) {
         // The first fault, and then each time that there are twice as many: a sensor may fail every cycle.
         if status.faults > 0 {
             let text = format!("{} inputs not used: {}", status.faults, status.last_fault);
             add(EventKind::Error, EventLevel::Warning, &status.process, text);
         }
-        known.faults = status.faults;
+        known.faults.set(stamp, status.faults);
     }
     if let Some(refused) = status.refused.as_ref().filter(|refused| !refused.no_authority) {
         let this = (refused.writer.clone(), refused.serial, refused.command.clone());
-        if known.refused.as_ref() != Some(&this) {
+        if known.refused.set(stamp, this) {
             let text = format!("refused {} of {}: {}", refused.command, refused.writer, refused.reason);
             add(EventKind::Error, EventLevel::Warning, &status.process, text);
-            known.refused = Some(this);
         }
     }
 }
@@ -397,9 +379,7 @@ fn journal_events(
         // Found in the buffers themselves.
         "rcs.EmergencyStop" | "rcs.Command" => return,
         "rcs.DriveCommand" => {
-            let goes_on = known.driven.is_some_and(|last| stamp.seconds_since(last) < HAND_S);
-            known.driven = Some(stamp);
-            if goes_on {
+            if known.driven.goes_on(stamp, HAND_S) {
                 return;
             }
             "drives by hand".to_owned()
@@ -429,16 +409,18 @@ fn overridden(change: &rcs::Override) -> String {
 
 fn bumper_events(
     known: &mut Known,
+    stamp: Stamp,
     now: [bool; 2],
     topic: &str,
     add: &mut impl FnMut(EventKind, EventLevel, &str, String),
 ) {
+    let before = known.bumper.get().copied().unwrap_or_default();
     for (side, name) in ["left", "right"].into_iter().enumerate() {
-        if now[side] && !known.bumper[side] {
+        if now[side] && !before[side] {
             add(EventKind::Bumper, EventLevel::Warning, topic, format!("bumper hit, {name}"));
         }
     }
-    known.bumper = now;
+    known.bumper.set(stamp, now);
 }
 
 /// The text of a state without its numbers, which change while the state does not.
@@ -447,130 +429,5 @@ fn without_numbers(text: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn status(state: rcs::ProcessState, text: &str, faults: u64) -> AnyMessage {
-        AnyMessage::new(rcs::Status {
-            process: "planner".into(),
-            command: "RUN".into(),
-            state: state.into(),
-            state_text: text.into(),
-            faults,
-            ..rcs::Status::default()
-        })
-    }
-
-    fn texts(events: &Events) -> Vec<String> {
-        let mut texts = Vec::new();
-        events.each_from(0, |_, event| texts.push(format!("{} {}", event.kind.name(), event.text)));
-        texts
-    }
-
-    #[test]
-    fn only_changes_of_a_state_are_events_and_numbers_in_its_text_are_none() {
-        let mut watch = EventWatch::default();
-        let topic: Arc<str> = "/planner/status".into();
-        let exec = rcs::ProcessState::Exec;
-        let messages = [
-            status(exec, "12.5 m to go", 0),
-            status(exec, "12.1 m to go", 0),
-            status(exec, "no path", 1),
-            status(exec, "11.9 m to go", 1),
-            status(exec, "no path", 2),
-            status(exec, "no path", 3),
-            status(rcs::ProcessState::Error, "", 3),
-        ];
-        for (second, message) in (0_u64..).zip(&messages) {
-            watch.take(&topic, Stamp(second * 1_000_000_000), message);
-        }
-        let events = watch.read(RunTag::FIRST);
-        assert_eq!(
-            texts(&events),
-            [
-                "modes EXEC · RUN · 12.5 m to go",
-                "modes EXEC · RUN · no path",
-                "errors 1 inputs not used: ",
-                "errors 2 inputs not used: ",
-                "errors ERROR · RUN",
-            ]
-        );
-        let fork = watch.fork(Stamp(3_000_000_000)).read(RunTag::FIRST);
-        assert_eq!(fork.len(), 3);
-        assert!(!fork.same(&events));
-    }
-
-    #[test]
-    fn each_type_in_which_events_are_found_has_a_kind_and_the_other_way_round() {
-        for name in EVENT_TYPES {
-            assert!(EventKind::ALL.iter().any(|kind| kind.is_found_in(name)), "{name}");
-        }
-        let found = |kind: &EventKind| EVENT_TYPES.iter().any(|name| kind.is_found_in(name));
-        assert!(EventKind::ALL.iter().all(found));
-        assert!(!EventKind::ALL.iter().any(|kind| kind.is_found_in("foxglove.Grid")));
-    }
-
-    #[test]
-    fn an_operator_who_drives_is_one_event_until_a_pause() {
-        let mut watch = EventWatch::default();
-        let journal: Arc<str> = "/runtime/journal".into();
-        for tenth in [0, 1, 2, 3, 40, 41] {
-            let event = rcs::JournalEvent {
-                writer: OPERATOR.into(),
-                buffer: "/operator/drive".into(),
-                schema: "rcs.DriveCommand".into(),
-                ..rcs::JournalEvent::default()
-            };
-            watch.take(&journal, Stamp(tenth * 100_000_000), &AnyMessage::new(event));
-        }
-        assert_eq!(watch.read(RunTag::FIRST).len(), 2);
-    }
-
-    #[test]
-    fn an_override_is_told_with_its_field_and_value() {
-        let told = |mode: Mode, path: &str, id| {
-            overridden(&rcs::Override {
-                buffer: "/imu".to_owned(),
-                path: path.to_owned(),
-                mode: mode.into(),
-                value_json: "5".to_owned(),
-                id,
-                ..rcs::Override::default()
-            })
-        };
-        assert_eq!(told(Mode::Hold, ".x", 0), "holds /imu.x = 5");
-        assert_eq!(told(Mode::Once, "", 0), "writes /imu = a whole message into the next message");
-        assert_eq!(told(Mode::Release, ".x", 0), "releases /imu.x");
-        assert_eq!(told(Mode::Release, "", 3), "releases override 3");
-    }
-
-    #[test]
-    fn events_are_found_by_time_by_kind_and_between_times() {
-        let event = |second: u64, kind| Event {
-            stamp: Stamp(second * 1_000_000_000),
-            kind,
-            level: EventLevel::Info,
-            source: "a".into(),
-            text: format!("{second}").into(),
-        };
-        let kinds = [EventKind::Mode, EventKind::Error];
-        let events = Events::of(RunTag::FIRST, (0..100).map(|i| event(i, kinds[(i % 2) as usize])));
-        assert_eq!(events.counts()[EventKind::Mode as usize], 50);
-        assert_eq!(events.count_until(Stamp(9_500_000_000)), 10);
-        let next = |at: u64, back| {
-            events
-                .beside(Stamp(at * 1_000_000_000), back, &[EventKind::Error])
-                .map(|event| event.text.to_string())
-        };
-        assert_eq!((next(3, false).as_deref(), next(3, true).as_deref()), (Some("5"), Some("1")));
-        assert_eq!((next(99, false), next(0, true)), (None, None));
-        let times: Vec<Stamp> = (0..=10).map(|i| Stamp(i * 10_000_000_000)).collect();
-        let at_the_start = events.between(EventKind::Mode, &times[..2]);
-        assert_eq!(at_the_start[0].as_ref().map(|event| event.stamp), Some(Stamp(0)));
-        let found = events.between(EventKind::Error, &times);
-        let first: Vec<_> =
-            found.iter().map(|event| event.as_ref().map(|event| event.text.to_string())).collect();
-        let reference: Vec<_> = (0..10).map(|i| Some(format!("{}", i * 10 + 1))).collect();
-        assert_eq!(first, reference);
-    }
-}
+#[path = "events_tests.rs"]
+mod tests;

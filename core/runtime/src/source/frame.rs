@@ -273,7 +273,8 @@ pub struct Frame {
     /// The fields that were asked for ([`super::Control::Gather`]), in every run, over the whole log as far as it has
     /// been read.
     pub fields: Arc<[FieldSeries]>,
-    /// Transforms up to now; static transforms of the whole log.
+    /// Transforms: of a recording those of the whole log as far as it has been read, of a run those up to now, of a stack on
+    /// a recording both, where the run's replace recorded ones of the same frame.
     pub transforms: Arc<TransformTree>,
     /// The clock of the transforms of a recording.
     pub transform_clock: Arc<TransformClock>,

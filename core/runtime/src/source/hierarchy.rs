@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Keys of a channel that name its writer, in logs of other programs.
-const WRITER_KEYS: [&str; 4] = ["rcs.writer", "callerid", "node", "publisher"];
+pub(super) const WRITER_KEYS: [&str; 4] = ["rcs.writer", "callerid", "node", "publisher"];
 
 /// A buffer as the hierarchy needs it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub struct BufferInfo {
     pub name: Arc<str>,
     /// Type of its messages.
     pub type_name: Arc<str>,
-    /// The process that writes it; empty if unknown.
+    /// The process that writes it, or several, separated by commas; empty if unknown.
     pub writer: Arc<str>,
 }
 
@@ -91,7 +91,10 @@ impl Hierarchy {
             });
         }
         for buffer in buffers.iter().filter(|buffer| !buffer.writer.is_empty()) {
-            found.add_writer(buffer, processes);
+            // Otherwise the descriptions name who writes; the runtime and the operator write into a run from outside.
+            if processes.is_empty() {
+                buffer.writer.split(',').for_each(|writer| found.add_writer(writer.trim(), buffer));
+            }
         }
         found.supervise(processes, buffers);
         found.sort();
@@ -104,16 +107,11 @@ impl Hierarchy {
         self.nodes.iter().position(|node| *node.name == *name)
     }
 
-    /// Adds who writes a buffer, if no description names it.
-    fn add_writer(&mut self, buffer: &BufferInfo, processes: &[ProcessInfo]) {
-        // The runtime and the operator write into a run from outside; several writers are named together.
-        let described = !processes.is_empty();
-        if described || buffer.writer.contains(',') {
-            return;
-        }
-        let index = self.index_of(&buffer.writer).unwrap_or_else(|| {
+    /// Adds one of those who write a buffer.
+    fn add_writer(&mut self, writer: &str, buffer: &BufferInfo) {
+        let index = self.index_of(writer).unwrap_or_else(|| {
             self.nodes.push(Node {
-                name: Arc::clone(&buffer.writer),
+                name: writer.into(),
                 supervisor: None,
                 process: None,
                 depth: 0,
@@ -330,10 +328,11 @@ mod tests {
         let buffers = [
             says("/scan", "sensor_msgs/msg/LaserScan", "callerid", "/lidar"),
             says("/cmd_vel", "geometry_msgs/msg/Twist", "callerid", "/planner"),
+            says("/tf", "tf2_msgs/msg/TFMessage", "callerid", "/lidar, /slam"),
             says("/arm/status", "rcs.Status", "rcs.writer", "arm"),
             says("/arm/command", "rcs.Command", "rcs.writer", "/planner"),
         ];
-        assert_eq!(Hierarchy::new(&[], &buffers, false).to_text(), "/lidar\n/planner\n└─ arm\n");
+        assert_eq!(Hierarchy::new(&[], &buffers, false).to_text(), "/lidar\n/planner\n└─ arm\n/slam\n");
     }
 
     #[test]

@@ -3,16 +3,20 @@
 use super::events::{EventWatch, Events, is_event_type};
 use super::fields::{FieldSeries, LogFields, alike};
 use super::frame::Topic;
+use super::hierarchy::WRITER_KEYS;
 use super::rates::{LastTimes, WINDOW_NS};
 use super::run_tag::RunTag;
 use super::tracks::{Track, Tracks, is_pose_type, is_transform_type};
 use super::transform_clock::TransformClock;
 use super::{Source, SourceError};
 use crate::conversion::canonical;
+use crate::role::{ROLE, Role};
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_formula::FieldRef;
 use rcs_geom::TransformTree;
-use rcs_log::{Cursor, CursorOptions, Log, LogMessage, MessagePosition, Reassembled, Reassembly, TopicId};
+use rcs_log::{
+    Cursor, CursorOptions, Log, LogMessage, LogTopic, MessagePosition, Reassembled, Reassembly, TopicId,
+};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,6 +29,8 @@ const IMAGE_TYPES: [&str; 4] =
 const FIRST_IMAGE_NS: u64 = 1_000_000_000;
 /// A longer jump looks up all topics instead of reading everything in between.
 const JUMP_NS: u64 = 2_000_000_000;
+/// Key of a channel's metadata: the process that writes it.
+const WRITER: &str = "rcs.writer";
 /// Greatest duration of one piece of background work.
 const PIECE: Duration = Duration::from_millis(8);
 /// Time between two looks at what another thread has read.
@@ -33,11 +39,13 @@ const WAIT: Duration = Duration::from_millis(4);
 /// The topics of a log at one moment.
 pub(crate) struct LogView {
     log: Log,
+    /// Channels with one name whose messages are read alike are one topic.
     pub(crate) topics: Vec<Topic>,
     /// The mean rate of each topic over the whole log; shown if there were fewer than two recent messages.
     means: Vec<Option<f64>>,
     /// Times of the last messages of each topic.
     times: Vec<LastTimes>,
+    /// Index of the topic of each channel.
     by_id: BTreeMap<TopicId, usize>,
     shown: Option<MessagePosition>,
     /// Reassembles messages that were stored as key frames and deltas, so that they appear as one topic.
@@ -57,28 +65,34 @@ impl LogView {
     /// A view of all topics; those in `wired` have the name of the buffer that they feed.
     pub(crate) fn new(log: &Log, wired: &BTreeMap<String, Arc<str>>) -> Self {
         let info = log.info();
-        let (mut topics, mut means) = (Vec::new(), Vec::new());
-        let mut by_id = BTreeMap::new();
+        let (mut topics, mut rates) = (Vec::<Topic>::new(), Vec::<f64>::new());
+        let (mut by_id, mut by_name) = (BTreeMap::new(), BTreeMap::<&str, Vec<usize>>::new());
         let reassembly = Reassembly::new(log);
         for topic in &info.topics {
             if reassembly.keys_of(topic.id).is_some() {
                 continue;
             }
-            by_id.insert(topic.id, topics.len());
             let deltas = reassembly.deltas_of(topic.id).and_then(|id| info.topic(id));
             let messages = topic.messages + deltas.map_or(0, |deltas| deltas.messages);
-            let mean = topic.hz + deltas.map_or(0.0, |deltas| deltas.hz);
-            // A single message has no rate.
-            let mean = (messages > 1 && mean > 0.0).then_some(mean);
-            means.push(mean);
+            let hz = topic.hz + deltas.map_or(0.0, |deltas| deltas.hz);
+            let named = by_name.entry(&topic.name).or_default();
+            let known = named.iter().copied().find(|&index| topics[index].schema.reads_like(&topic.schema));
+            by_id.insert(topic.id, known.unwrap_or(topics.len()));
+            if let Some(index) = known {
+                join(&mut topics[index], topic, messages);
+                rates[index] += hz;
+                continue;
+            }
+            named.push(topics.len());
+            rates.push(hz);
             topics.push(Topic {
                 name: wired.get(&topic.name).map_or_else(|| topic.name.as_str().into(), Arc::clone),
                 run: RunTag::Recorded,
                 schema: Arc::clone(&topic.schema),
                 metadata: Arc::new(topic.metadata.clone()),
-                writer: topic.metadata.get("rcs.writer").map_or("", String::as_str).into(),
+                writer: writer_of(&topic.metadata).into(),
                 messages,
-                hz: mean,
+                hz: None,
                 undecodable: topic.undecodable_because.as_deref().map(Arc::from),
                 latest: None,
                 pending: false,
@@ -87,6 +101,12 @@ impl LogView {
                 read_lately: Arc::default(),
             });
         }
+        let means = topics.iter_mut().zip(rates).map(|(topic, hz)| {
+            // A single message has no rate.
+            topic.hz = (topic.messages > 1 && hz > 0.0).then_some(hz);
+            topic.hz
+        });
+        let means = means.collect();
         let background: Vec<TopicId> = info
             .topics
             .iter()
@@ -148,7 +168,7 @@ impl LogView {
                 self.ahead = Some(message);
                 return Ok(());
             }
-            self.show(&message);
+            self.show(message);
         }
     }
 
@@ -159,15 +179,17 @@ impl LogView {
             topic.hz = self.means[index];
             self.times[index].clear();
         }
+        let mut found = self.reassembly.seek(MessagePosition::before(time))?;
         if time > Stamp(0) {
-            for message in self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten() {
-                if !self.reassembly.takes(message.topic) {
-                    self.show(&message);
-                }
-            }
+            let direct = self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten();
+            found.extend(direct.filter_map(|stored| self.direct(stored)));
         }
-        for whole in self.reassembly.seek(MessagePosition::before(time))? {
-            self.show_whole(whole);
+        // Of the channels of a topic, the newest message counts.
+        found.sort_unstable_by_key(|whole| whole.stored.place);
+        let placed = found.into_iter().filter_map(|whole| Some((*self.by_id.get(&whole.topic)?, whole)));
+        let newest: BTreeMap<usize, Reassembled> = placed.collect();
+        for (index, whole) in newest {
+            self.set_latest(index, whole);
         }
         self.look_up_rates(time)?;
         self.ahead = None;
@@ -196,25 +218,32 @@ impl LogView {
         Ok(())
     }
 
-    fn show(&mut self, message: &LogMessage) {
-        if self.reassembly.takes(message.topic) {
-            if let Some(whole) = self.reassembly.take(message) {
-                self.show_whole(whole);
-            }
-            return;
-        }
-        let Some(&index) = self.by_id.get(&message.topic) else { return };
-        let encoded = AnyMessage::encoded(Arc::clone(&self.topics[index].schema), message.data.clone());
-        self.set_latest(index, message, encoded);
-    }
-
-    fn show_whole(&mut self, whole: Reassembled) {
-        if let Some(&index) = self.by_id.get(&whole.topic) {
-            self.set_latest(index, &whole.stored, whole.message);
+    fn show(&mut self, message: LogMessage) {
+        let whole = if self.reassembly.takes(message.topic) {
+            self.reassembly.take(&message)
+        } else {
+            self.direct(message)
+        };
+        if let Some(whole) = whole
+            && let Some(&index) = self.by_id.get(&whole.topic)
+        {
+            self.set_latest(index, whole);
         }
     }
 
-    fn set_latest(&mut self, index: usize, stored: &LogMessage, message: AnyMessage) {
+    /// A message that is stored whole; `None` for one of a topic with deltas.
+    fn direct(&self, stored: LogMessage) -> Option<Reassembled> {
+        let topic = stored.topic;
+        if self.reassembly.takes(topic) {
+            return None;
+        }
+        let schema = &self.topics[*self.by_id.get(&topic)?].schema;
+        let message = AnyMessage::encoded(Arc::clone(schema), stored.data.clone());
+        Some(Reassembled { stored, topic, message })
+    }
+
+    fn set_latest(&mut self, index: usize, whole: Reassembled) {
+        let Reassembled { stored, message, .. } = whole;
         let topic = &mut self.topics[index];
         let header = Header {
             sequence: u64::from(stored.sequence),
@@ -318,6 +347,40 @@ impl LogView {
     }
 }
 
+/// The process that writes a channel; empty if unknown.
+fn writer_of(metadata: &BTreeMap<String, String>) -> &str {
+    metadata.get(WRITER).map_or("", String::as_str)
+}
+
+/// Adds a channel with this number of messages to a topic whose messages are read like its own.
+fn join(topic: &mut Topic, channel: &LogTopic, messages: u64) {
+    if topic.messages == 0 {
+        // Channels without messages describe nothing.
+        topic.metadata = Arc::new(channel.metadata.clone());
+    } else if messages > 0 {
+        join_writers(Arc::make_mut(&mut topic.metadata), &channel.metadata);
+    }
+    topic.writer = writer_of(&topic.metadata).into();
+    topic.messages += messages;
+}
+
+/// Adds the writers of another channel, separated by commas.
+fn join_writers(metadata: &mut BTreeMap<String, String>, other: &BTreeMap<String, String>) {
+    // This key also says how the times of messages are read, so it must hold for all of them.
+    if !other.contains_key(WRITER) {
+        metadata.remove(WRITER);
+    }
+    for key in WRITER_KEYS {
+        let (Some(known), Some(others)) = (metadata.get_mut(key), other.get(key)) else { continue };
+        for writer in others.split(", ") {
+            if known.split(", ").all(|known| known != writer) {
+                known.push_str(", ");
+                known.push_str(writer);
+            }
+        }
+    }
+}
+
 /// The initial time: the start of the log, or its first image if that is shortly after.
 pub(crate) fn opening_time(log: &Log) -> Result<Stamp, SourceError> {
     let info = log.info();
@@ -333,9 +396,12 @@ pub(crate) fn opening_time(log: &Log) -> Result<Stamp, SourceError> {
     Ok(first.map_or(info.start, |message| message.log_time))
 }
 
-/// Transforms on this topic are static, by ROS's convention.
+/// Transforms on this topic are static, by ROS's convention or by the role of its channel.
 fn is_static_topic(log: &Log, id: TopicId) -> bool {
-    log.info().topic(id).is_some_and(|topic| topic.name.ends_with("/tf_static"))
+    log.info().topic(id).is_some_and(|topic| {
+        topic.name.ends_with("/tf_static")
+            || topic.metadata.get(ROLE).is_some_and(|role| role == Role::StaticTransforms.name())
+    })
 }
 
 /// Runs the `idle` work of a source to its end.

@@ -12,6 +12,7 @@ mod fields;
 mod frame;
 mod held;
 mod hierarchy;
+mod known;
 mod log_source;
 mod log_view;
 mod pace;
@@ -184,7 +185,8 @@ pub trait Source: Send {
     fn against(&mut self, _files: &[std::path::PathBuf]) {}
     /// Leaves this much of the memory of its past to what is shown of it, bytes.
     fn reserve(&mut self, _bytes: u64) {}
-    /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
+    /// Background work in small pieces (for example tracks), while there are no requests, and between the frames while it
+    /// plays and keeps up with the clock; `true` if some is left.
     fn idle(&mut self) -> bool {
         false
     }

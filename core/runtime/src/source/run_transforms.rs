@@ -1,4 +1,4 @@
-//! Transforms between the frames of a running stack, from its buffers.
+//! Transforms between the frames of a running stack, from its buffers, and from the recording on which it runs.
 
 use super::tracks::{frame_name, is_transform_type, pose_of, to_pose};
 use rcs_geom::TransformTree;
@@ -15,11 +15,20 @@ pub(crate) struct RunTransforms {
     /// Frames that have a transform message; odometry of these frames is ignored.
     told: BTreeSet<String>,
     shared: Option<Arc<TransformTree>>,
+    joined: Option<Joined>,
+}
+
+/// The transforms of a run with those of its recording.
+struct Joined {
+    own: Arc<TransformTree>,
+    recorded: Arc<TransformTree>,
+    both: Arc<TransformTree>,
 }
 
 impl Default for RunTransforms {
     fn default() -> Self {
-        Self { tree: TransformTree::with_history_ns(HISTORY_NS), told: BTreeSet::new(), shared: None }
+        let tree = TransformTree::with_history_ns(HISTORY_NS);
+        Self { tree, told: BTreeSet::new(), shared: None, joined: None }
     }
 }
 
@@ -76,6 +85,47 @@ impl RunTransforms {
     pub(crate) fn share(&mut self) -> Arc<TransformTree> {
         Arc::clone(self.shared.get_or_insert_with(|| Arc::new(self.tree.clone())))
     }
+
+    /// The current transforms with those of the recording on which the stack runs ([`join`]). They are joined again only
+    /// when one of them has changed.
+    pub(crate) fn share_with(&mut self, recorded: &Arc<TransformTree>) -> Arc<TransformTree> {
+        let own = self.share();
+        if let Some(joined) = &self.joined
+            && Arc::ptr_eq(&joined.own, &own)
+            && Arc::ptr_eq(&joined.recorded, recorded)
+        {
+            return Arc::clone(&joined.both);
+        }
+        let both = if own.is_empty() { Arc::clone(recorded) } else { Arc::new(join(&own, recorded)) };
+        self.joined = Some(Joined { own, recorded: Arc::clone(recorded), both: Arc::clone(&both) });
+        both
+    }
+}
+
+/// The transforms of a run, and those of its recording.
+///
+/// Where both give the pose of a frame in the same parent, that of the run counts, also for recorded topics: the maps that
+/// were computed by it, and the recorded sensors from which they were computed, lie on each other. Recorded transforms are
+/// used for all other frames.
+///
+/// Where the two give different parents, and no other transform connects these, both are needed: the run says where the
+/// vehicle is in its own map, the recording where it is in the recorded one. A frame has one parent, so the transforms of
+/// the run above that frame are inverted.
+fn join(own: &TransformTree, recorded: &TransformTree) -> TransformTree {
+    let mut both = own.clone();
+    both.take_missing(recorded);
+    let is_apart = |frame: &str| {
+        let parent = recorded.parent(frame);
+        parent.is_some_and(|parent| both.newest(parent, frame).is_err())
+    };
+    let depth = |frame: &str| std::iter::successors(own.parent(frame), |&above| own.parent(above)).count();
+    let apart = own.frames().into_iter().filter(|&frame| is_apart(frame)).min_by_key(|&frame| depth(frame));
+    if let Some(frame) = apart {
+        both = own.clone();
+        both.make_root(frame);
+        both.take_missing(recorded);
+    }
+    both
 }
 
 #[cfg(test)]
@@ -124,6 +174,49 @@ mod tests {
         assert_eq!(tree.lookup("local", "camera", 50).unwrap().translation.x, 2.5);
         assert_eq!(tree.lookup("global", "vehicle", 50).unwrap().translation.x, 17.0);
         assert!(Arc::ptr_eq(&tree, &run.share()), "nothing is copied while nothing changes");
+    }
+
+    fn x(tree: &TransformTree, target: &str, source: &str, ns: u64) -> f64 {
+        tree.lookup_nearest(target, source, ns).unwrap().translation.x
+    }
+
+    fn at_x(x: f64) -> rcs_geom::Pose {
+        rcs_geom::Pose::from_xy_yaw(x, 0.0, 0.0)
+    }
+
+    #[test]
+    fn the_recording_places_the_frames_that_the_run_does_not() {
+        let mut run = RunTransforms::default();
+        let mut recorded = TransformTree::new();
+        recorded.set_static("vehicle", "lidar", at_x(0.5)).unwrap();
+        recorded.insert("local", "vehicle", 100, at_x(50.0)).unwrap();
+        let recorded = Arc::new(recorded);
+        assert!(Arc::ptr_eq(&run.share_with(&recorded), &recorded), "the run has not said anything");
+        run.take(Stamp(100), &odometry("local", "vehicle", 100, 3.0), false);
+        run.take(Stamp(100), &transform("global", "local", 100, 20.0), false);
+        let both = run.share_with(&recorded);
+        assert_eq!([x(&both, "local", "lidar", 100), x(&both, "global", "lidar", 100)], [3.5, 23.5]);
+        assert!(
+            Arc::ptr_eq(&both, &run.share_with(&recorded)),
+            "nothing is joined again while nothing changes"
+        );
+        run.take(Stamp(200), &odometry("local", "vehicle", 200, 4.0), false);
+        assert_eq!(x(&run.share_with(&recorded), "local", "lidar", 200), 4.5);
+    }
+
+    #[test]
+    fn a_vehicle_in_a_recorded_and_in_a_computed_frame_connects_both() {
+        let mut run = RunTransforms::default();
+        run.take(Stamp(100), &odometry("local", "vehicle", 100, 3.0), false);
+        run.take(Stamp(100), &transform("global", "local", 100, 20.0), false);
+        let mut recorded = TransformTree::new();
+        recorded.insert("map", "odom", 100, at_x(100.0)).unwrap();
+        recorded.insert("odom", "vehicle", 100, at_x(10.0)).unwrap();
+        recorded.set_static("vehicle", "lidar", at_x(0.5)).unwrap();
+        let both = run.share_with(&Arc::new(recorded));
+        let of = |target| x(&both, target, "lidar", 100);
+        assert_eq!(["local", "global", "odom", "map"].map(of), [3.5, 23.5, 10.5, 110.5]);
+        assert_eq!(x(&both, "odom", "local", 100), 7.0);
     }
 
     #[test]

@@ -371,7 +371,7 @@ impl Source for StackSource {
             events,
             fields,
             transforms: match recorded {
-                Some(view) => Arc::clone(&view.shared_tree),
+                Some(view) => self.transforms.share_with(&view.shared_tree),
                 None => self.transforms.share(),
             },
             transform_clock: recorded.map_or_else(Arc::default, |view| Arc::clone(&view.shared_clock)),

@@ -17,8 +17,6 @@ const POSE_TYPES: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "fox
 const TRANSFORM_TYPES: [&str; 2] = ["foxglove.FrameTransforms", "foxglove.FrameTransform"];
 /// Coordinate frame of geodetic positions.
 pub const WGS84: &str = "wgs84";
-/// Value of `status` in the metadata of a position fix: the receiver has none (`sensor_msgs/NavSatStatus`).
-const NO_FIX: &str = "-1";
 
 pub(crate) fn is_pose_type(name: &str) -> bool {
     POSE_TYPES.contains(&name)
@@ -133,7 +131,7 @@ impl<'a> Place<'a> {
             local(&stamped.frame_id, &stamped.pose)
         } else {
             let fix = message.get::<foxglove::LocationFix>()?;
-            if fix.metadata.iter().any(|pair| pair.key == "status" && pair.value == NO_FIX) {
+            if fix.metadata.iter().any(|pair| pair.key == "status" && is_without_fix(&pair.value)) {
                 return None;
             }
             let place = Geodetic::new(fix.latitude, fix.longitude, fix.altitude).ok()?;
@@ -157,6 +155,8 @@ pub(crate) struct Tracks {
     /// Transforms implied by odometry, used for frames of which no message gives one.
     implied: TransformTree,
     implied_clock: TransformClock,
+    /// Number of transforms in `tree`; one that came again counts again.
+    transforms: usize,
     /// The topic that moves a frame, by its name; and whether another one does, too.
     moved_by: BTreeMap<String, (Arc<str>, bool)>,
     /// What is doubtful about the transforms, one line each.
@@ -194,7 +194,7 @@ impl Tracks {
                 && !child.is_empty()
             {
                 let time = time_of(odometry.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
-                self.implied_clock.add(log_time, time);
+                self.implied_clock.add(child, log_time, time);
                 // A loop or a number that is not finite: the track still shows it.
                 let _ = self.implied.insert(parent, child, time.0, pose);
             }
@@ -235,14 +235,17 @@ impl Tracks {
         let child = frame_name(&transform.child_frame_id);
         // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
         if is_static {
-            let _ = self.tree.set_static(parent, child, pose);
+            if self.tree.set_static(parent, child, pose).is_ok() {
+                self.transforms += 1;
+            }
             return;
         }
         let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
-        self.clock.add(log_time, time);
+        self.clock.add(child, log_time, time);
         if self.tree.insert(parent, child, time.0, pose).is_err() {
             return;
         }
+        self.transforms += 1;
         match self.moved_by.get_mut(child) {
             None => {
                 self.moved_by.insert(child.to_owned(), (Arc::clone(topic), false));
@@ -257,9 +260,10 @@ impl Tracks {
         }
     }
 
-    /// Number of positions.
+    /// Number of positions and transforms.
     pub(crate) fn len(&self) -> usize {
-        self.by_topic.values().map(|track| track.points.read().len()).sum()
+        let positions = self.by_topic.values().map(|track| track.points.read().len());
+        positions.sum::<usize>() + self.transforms
     }
 
     /// What is doubtful about the transforms, one line each; it only grows.
@@ -289,6 +293,12 @@ impl Tracks {
     pub(crate) fn clock(&self) -> TransformClock {
         if self.clock.is_empty() { self.implied_clock.clone() } else { self.clock.clone() }
     }
+}
+
+/// Whether the `status` in the metadata of a position fix says that there is none. By `sensor_msgs/NavSatStatus` a fix is
+/// valid from 0 on; -1 is none, and -2 unknown.
+fn is_without_fix(status: &str) -> bool {
+    status.parse::<i32>().is_ok_and(|status| status < 0)
 }
 
 /// The time with which a transform counts.

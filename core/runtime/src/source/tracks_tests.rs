@@ -115,9 +115,11 @@ fn a_receiver_without_a_fix_is_nowhere() {
         let metadata = vec![KeyValuePair { key: "status".into(), value: status.into() }];
         AnyMessage::new(LocationFix { latitude, metadata, ..LocationFix::default() })
     };
-    assert_eq!(Place::of(&fix("-1", 0.0)), None);
-    let tracks =
-        tracks([(1, "/fix", fix("-1", 0.0)), (2, "/fix", fix("0", 48.0)), (3, "/fix", fix("2", 48.0))]);
+    for status in ["-1", "-2"] {
+        assert_eq!(Place::of(&fix(status, 0.0)), None, "{status}");
+    }
+    let fixes = [("-2", 0.0), ("-1", 0.0), ("0", 48.0), ("2", 48.0)];
+    let tracks = tracks((1..).zip(fixes).map(|(i, (status, latitude))| (i, "/fix", fix(status, latitude))));
     let track = tracks.read(RunTag::Recorded).next().unwrap();
     assert_eq!(track.points.len(), 2);
     let first = track.points.get(0).unwrap().position_m;

@@ -4,12 +4,17 @@
 //! nothing to do with the log times by which a recording is played. So for a moment of the log the time of the transforms
 //! is that of the newest transform message before it, plus the log time that has passed since.
 //!
+//! Publishers differ: corrections of a map are often stamped ahead of the odometry. So the clock follows the transforms of
+//! one frame, the one that is sent most often; stamps of the others would move it to and fro.
+//!
 //! This holds only where most transforms are stamped more than [`SAME_NS`] away from their log times. Otherwise both clocks
 //! count as one, and no time changes: delays, and stamps ahead of the clock, are as the recording has them.
 //!
-//! State: 24 bytes for a message whose stamp does not follow from the ones before it, none where the clocks are one.
+//! State: 24 bytes for a message whose stamp does not follow from the ones before it, and a count for each frame; none where
+//! the clocks are one.
 
 use rcs_msg::Stamp;
+use std::collections::BTreeMap;
 
 /// Clocks that are not farther apart than this count as one, ns.
 pub(super) const SAME_NS: u64 = 10_000_000_000;
@@ -38,8 +43,12 @@ impl Pair {
 pub struct TransformClock {
     /// By log time.
     pairs: Vec<Pair>,
-    /// The last stamp that was far from its log time.
+    /// The last stamp of the followed frame that was far from its log time.
     newest: Stamp,
+    /// The child frame whose transforms make the pairs; empty before the first one.
+    followed: String,
+    /// Number of transforms whose stamps are far from their log times, by child frame.
+    far_of: BTreeMap<String, u64>,
     /// Number of transforms whose stamps are near their log times, and of the others.
     near: u64,
     far: u64,
@@ -48,8 +57,8 @@ pub struct TransformClock {
 }
 
 impl TransformClock {
-    /// Adds the stamp of a transform; log times ascend.
-    pub(super) fn add(&mut self, log_time: Stamp, stamp: Stamp) {
+    /// Adds the stamp of a transform of the frame `child`; log times ascend.
+    pub(super) fn add(&mut self, child: &str, log_time: Stamp, stamp: Stamp) {
         let (first, last) = self.span.unwrap_or((stamp, stamp));
         self.span = Some((first.min(stamp), last.max(stamp)));
         if log_time.0.abs_diff(stamp.0) <= SAME_NS {
@@ -57,6 +66,9 @@ impl TransformClock {
             return;
         }
         self.far += 1;
+        if !self.follows(child) {
+            return;
+        }
         let before = std::mem::replace(&mut self.newest, stamp);
         if let Some(last) = self.pairs.last_mut() {
             let is_expected = last.at(log_time).0.abs_diff(stamp.0) <= EXPECTED_NS;
@@ -69,6 +81,27 @@ impl TransformClock {
             }
         }
         self.pairs.push(Pair { log_time, stamp, until: Stamp::MAX });
+    }
+
+    /// Counts a transform whose stamp is far from its log time; whether the pairs follow its frame. A frame that has been
+    /// sent more than twice as often as the followed one is followed from then on: one that is sent once tells nothing of
+    /// a clock that is not as fast as that of the log, and by less than twice the clock would change again and again.
+    fn follows(&mut self, child: &str) -> bool {
+        let count = if let Some(count) = self.far_of.get_mut(child) {
+            *count += 1;
+            *count
+        } else {
+            self.far_of.insert(child.to_owned(), 1);
+            1
+        };
+        if *child != *self.followed {
+            let of_followed = self.far_of.get(&self.followed).copied().unwrap_or_default();
+            if count <= 2 * of_followed {
+                return false;
+            }
+            child.clone_into(&mut self.followed);
+        }
+        true
     }
 
     /// Whether it has no transform.
@@ -105,7 +138,7 @@ mod tests {
 
     fn clock(pairs: impl IntoIterator<Item = (u64, u64)>) -> TransformClock {
         let mut clock = TransformClock::default();
-        pairs.into_iter().for_each(|(log, stamp)| clock.add(Stamp(log), Stamp(stamp)));
+        pairs.into_iter().for_each(|(log, stamp)| clock.add("base", Stamp(log), Stamp(stamp)));
         clock
     }
 
@@ -135,6 +168,27 @@ mod tests {
         assert_eq!(slow.at(Stamp(T0 - S)), Stamp(99 * S), "before the first one");
         assert_eq!(slow.at(Stamp(T0 + 109 * S)), Stamp(149 * S + S / 2 + 10 * S), "after the last one");
         assert!(slow.covers(Stamp(95 * S)) && !slow.covers(Stamp(T0)));
+    }
+
+    #[test]
+    fn stamps_of_another_publisher_that_are_ahead_do_not_move_the_clock() {
+        // Simulated time from 100 s on. A correction, stamped 1 s ahead, is sent first and then once a second.
+        let mut clock = TransformClock::default();
+        let times = |i: u64| (T0 + i * S / 50, 100 * S + i * S / 50);
+        for (i, (log, stamp)) in (0..500).map(|i| (i, times(i))) {
+            if i % 50 == 0 {
+                clock.add("odom", Stamp(log - 1000), Stamp(stamp + S));
+            }
+            clock.add("base", Stamp(log), Stamp(stamp));
+        }
+        for (log, stamp) in (3..500).map(times) {
+            assert_eq!(clock.at(Stamp(log - 500)), Stamp(stamp - 500));
+        }
+        // One that is sent once does not stop a clock of half the speed from being followed.
+        clock = TransformClock::default();
+        clock.add("camera", Stamp(T0), Stamp(100 * S));
+        (0..100).for_each(|i| clock.add("base", Stamp(T0 + i * S), Stamp(100 * S + i * S / 2)));
+        assert_eq!(clock.at(Stamp(T0 + 90 * S)), Stamp(145 * S));
     }
 
     #[test]

@@ -10,8 +10,8 @@ use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
 pub(super) const GOAL_RADIUS: f32 = 9.0;
 /// Distance from a corner or from the border of a zone at which the pointer means it, screen points.
 const NEAR: f64 = 10.0;
-/// Distance within which two goals are the same one, m.
-const SAME_GOAL_M: f64 = 0.01;
+/// Distance within which two goals are the same one, and two corners, m.
+const SAME_M: f64 = 0.01;
 /// Number of changes that can be taken back.
 const MOST_CHANGES: usize = 100;
 
@@ -36,11 +36,22 @@ pub(super) enum Handle {
     OpenCorner(usize),
 }
 
+/// The bounds of driving of a mission, on the map.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Bounds {
+    /// What the vehicle must not leave.
+    pub(super) area: Option<Vec<[f64; 2]>>,
+    /// What it must not enter.
+    pub(super) keep_out: Vec<Vec<[f64; 2]>>,
+}
+
 /// A mission that has not been sent.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Draft {
     pub(super) adds: Adds,
     drawn: Drawn,
+    /// The area that was sent before, which cannot be drawn and stays.
+    area: Option<Vec<[f64; 2]>>,
     /// What was drawn before each change, the last one at the end.
     history: Vec<Drawn>,
     /// The identity of the next goal that is added.
@@ -101,7 +112,7 @@ impl Stated {
 
     /// Whether a mission has the same goals.
     fn is_of(&self, mission: &Mission) -> bool {
-        let is_same = |(a, b): (&[f64; 2], &PlanePoint)| distance_m(*a, [b.x_m, b.y_m]) <= SAME_GOAL_M;
+        let is_same = |(a, b): (&[f64; 2], &PlanePoint)| distance_m(*a, [b.x_m, b.y_m]) <= SAME_M;
         self.frame_id == mission.frame_id
             && self.goals.len() == mission.goals.len()
             && self.goals.iter().zip(&mission.goals).all(is_same)
@@ -127,9 +138,11 @@ pub(super) fn place(map_from_frame: Pose) -> impl Fn(&PlanePoint) -> [f64; 2] {
 }
 
 impl Draft {
-    /// The draft that begins with these zones and with the goals that are left of the mission that the vehicle obeys.
-    pub(super) fn new(keep_out: Vec<Vec<[f64; 2]>>, obeyed: Option<(&Mission, Pose)>) -> Self {
-        let mut draft = Self { drawn: Drawn { keep_out, ..Drawn::default() }, ..Self::default() };
+    /// The draft that begins with the bounds that were sent before, and with the goals that are left of the mission that the
+    /// vehicle obeys.
+    pub(super) fn new(sent: Bounds, obeyed: Option<(&Mission, Pose)>) -> Self {
+        let Bounds { area, keep_out } = sent;
+        let mut draft = Self { drawn: Drawn { keep_out, ..Drawn::default() }, area, ..Self::default() };
         if let Some((mission, map_from_mission)) = obeyed {
             let left = mission.goals.iter().skip(mission.reached as usize).map(place(map_from_mission));
             draft.drawn.goals = left.zip(0..).map(|(at, id)| Goal { id, at }).collect();
@@ -328,11 +341,24 @@ impl Draft {
             timestamp: None,
             frame_id: frame_id.to_owned(),
             goals: self.drawn.goals.iter().map(|goal| point(&goal.at)).collect(),
-            area: None,
+            area: self.area.as_ref().map(zone),
             keep_out: self.drawn.keep_out.iter().map(zone).collect(),
             reached: 0,
             keeps_goals: self.keeps_goals(),
         }
+    }
+
+    /// The bounds of the mission that the vehicle obeys, in its frame, without those that the draft has, too. They hold until
+    /// the draft is sent, and those that do not come from the operator also afterwards.
+    pub(super) fn not_drawn(&self, obeyed: &Mission, map_from_obeyed: Pose) -> Mission {
+        let is_drawn = |zone: &PlanePolygon| {
+            let corners: Vec<[f64; 2]> = zone.points.iter().map(place(map_from_obeyed)).collect();
+            self.drawn.keep_out.iter().any(|drawn| is_same_outline(drawn, &corners))
+        };
+        // An area that is sent takes the place of any other one.
+        let area = if self.area.is_some() { None } else { obeyed.area.clone() };
+        let keep_out = obeyed.keep_out.iter().filter(|zone| !is_drawn(zone)).cloned().collect();
+        Mission { frame_id: obeyed.frame_id.clone(), area, keep_out, ..Mission::default() }
     }
 
     /// How much the draft has of each kind.
@@ -375,6 +401,11 @@ impl Drawn {
 
 fn distance_m(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// Whether two polygons have the same corners in the same order.
+fn is_same_outline(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| distance_m(*a, *b) <= SAME_M)
 }
 
 /// Whether a place is the first corner of a polygon, within a distance.

@@ -15,7 +15,7 @@ fn mission(goals: &[[f64; 2]], reached: u32) -> Mission {
 
 /// A draft of what a vehicle has left of a mission.
 fn draft_of(mission: &Mission) -> Draft {
-    Draft::new(Vec::new(), Some((mission, Pose::IDENTITY)))
+    Draft::new(Bounds::default(), Some((mission, Pose::IDENTITY)))
 }
 
 fn goals(draft: &Draft) -> Vec<[f64; 2]> {
@@ -213,6 +213,46 @@ fn every_change_is_taken_back_the_last_one_first() {
         draft.click([at as f64, 20.0], M_PER_POINT);
     }
     assert_eq!((0..2 * MOST_CHANGES).filter(|_| draft.undo()).count(), MOST_CHANGES);
+}
+
+fn square(x_m: f64) -> Vec<[f64; 2]> {
+    [[x_m, 0.0], [x_m + 4.0, 0.0], [x_m + 4.0, 4.0], [x_m, 4.0]].into()
+}
+
+/// A square, in a frame whose origin is at x = 100 m on the map.
+fn stated(x_m: f64) -> PlanePolygon {
+    let corner = |[x_m, y_m]: [f64; 2]| PlanePoint { x_m: x_m - 100.0, y_m };
+    PlanePolygon { points: square(x_m).into_iter().map(corner).collect() }
+}
+
+#[test]
+fn an_area_that_was_sent_is_sent_again() {
+    let bounds = Bounds { area: Some(square(50.0)), keep_out: vec![square(0.0)] };
+    let mut draft = Draft::new(bounds, None);
+    draft.clear();
+    draft.click(A, M_PER_POINT);
+    let sent = draft.message("global", &Pose::from_xy_yaw(-100.0, 0.0, 0.0));
+    assert_eq!((sent.area, sent.keep_out.len()), (Some(stated(50.0)), 0));
+    assert_eq!(Draft::default().message("global", &Pose::IDENTITY).area, None, "that of a file is not sent");
+}
+
+#[test]
+fn what_is_obeyed_and_not_drawn_holds_beside_the_draft() {
+    let keep_out = vec![stated(0.0), stated(20.0)];
+    let obeyed = Mission { area: Some(stated(50.0)), keep_out, ..mission(&[A], 0) };
+    let map_from_obeyed = Pose::from_xy_yaw(100.0, 0.0, 0.0);
+    let held = |draft: &Draft| {
+        let held = draft.not_drawn(&obeyed, map_from_obeyed);
+        assert!(held.goals.is_empty());
+        (held.area, held.keep_out)
+    };
+    let bounds = Bounds { area: None, keep_out: vec![square(20.001)] };
+    let mut draft = Draft::new(bounds, None);
+    assert_eq!(held(&draft), (Some(stated(50.0)), vec![stated(0.0)]));
+    drag(&mut draft, [20.0, 0.0], [19.0, 0.0]);
+    assert_eq!(held(&draft).1.len(), 2, "the zone holds where it was until the draft is sent");
+    let bounds = Bounds { area: Some(square(60.0)), keep_out: Vec::new() };
+    assert_eq!(held(&Draft::new(bounds, None)).0, None, "the draft has an area of its own");
 }
 
 #[test]

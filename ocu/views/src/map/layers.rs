@@ -49,7 +49,8 @@ pub(super) struct Layer<'a> {
     pub(super) kind: Kind<'a>,
     /// Its coordinate frame, without a slash at its start.
     pub(super) frame_id: &'a str,
-    /// Time for which the content is valid, by the clock of the transforms ([`Frame::placing_time`]).
+    /// Time for which the content is valid, by the clock of the transforms ([`Frame::placing_time`]). A mission and a track
+    /// hold at the viewed time.
     pub(super) stamp: Stamp,
     /// The topic; a track may exist without one.
     pub(super) topic: Option<&'a Topic>,
@@ -128,7 +129,10 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             }
             "rcs.Mission" if topic.role() == Some(Role::Mission) => {
                 let mission = topic.get::<Mission>();
-                paths.extend(mission.map(|mission| layer(Kind::Mission(mission), &mission.frame_id)));
+                let stated = mission.map(|mission| layer(Kind::Mission(mission), &mission.frame_id));
+                // A vehicle states its mission only when it changes, and its frame may have moved since.
+                let stamp = frame.transform_time(frame.now);
+                paths.extend(stated.map(|stated| Layer { stamp, ..stated }));
             }
             "foxglove.PoseInFrame" if is_goal(topic) => {
                 paths.extend(topic.get::<PoseInFrame>().map(|goal| layer(Kind::Goal(goal), &goal.frame_id)));
@@ -232,8 +236,8 @@ pub(super) fn map_from_layer(frame: &Frame, map: &str, layer: &Layer<'_>) -> Res
     map_from_frame(frame, map, layer.frame_id, layer.stamp)
 }
 
-/// Pose of a coordinate frame in the map's at a time by the clock of the transforms, before the first and after the last
-/// transform at the nearest time with one; the error says that no transform connects them.
+/// Pose of a coordinate frame in the map's at a time by the clock of the transforms; each transform counts before its first
+/// sample with the first, and after its last with the last. The error says that no transform connects them.
 pub(super) fn map_from_frame(frame: &Frame, map: &str, frame_id: &str, at: Stamp) -> Result<Pose, String> {
     let (map, frame_id) = (frame_name(map), frame_name(frame_id));
     if map == frame_id {

@@ -1,8 +1,7 @@
 //! Missions on a map: what a vehicle obeys, and the draft of the operator, which is drawn with the pointer.
 
-use super::draft::{Adds, Draft, GOAL_RADIUS, Handle, place};
+use super::draft::{Adds, Bounds, Draft, GOAL_RADIUS, Handle, place};
 use super::labels::Labels;
-use super::layers::Kind;
 use super::plan::At;
 use super::{Map, layers};
 use crate::canvas::Viewport;
@@ -17,7 +16,8 @@ use ocu_ui::{Icon, Tokens, icons, legend, tokens};
 use rcs_geom::Pose;
 use rcs_msg::AnyMessage;
 use rcs_msg::rcs::{Mission, PlanePolygon};
-use rcs_runtime::source::{Control, Frame};
+use rcs_runtime::Role;
+use rcs_runtime::source::{Control, Frame, WGS84};
 
 /// Distance between the lines of a hatching, screen points.
 const HATCH: f32 = 9.0;
@@ -41,40 +41,78 @@ enum Choice {
     DeleteZone(usize),
 }
 
-/// The zones that the operator has sent, on the map; the error says why they cannot be placed.
-fn sent_zones(frame: &Frame, map: &str, buffer: &str) -> Result<Vec<Vec<[f64; 2]>>, String> {
-    let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) else {
-        return Ok(Vec::new());
-    };
-    let map_from_sent = layers::map_from_frame(frame, map, &sent.frame_id, frame.transform_time(frame.now))?;
-    let zone = |zone: &PlanePolygon| zone.points.iter().map(place(map_from_sent)).collect();
-    Ok(sent.keep_out.iter().map(zone).collect())
+/// How a mission is painted.
+#[derive(Clone, Copy, PartialEq)]
+enum Look {
+    /// The mission that a vehicle obeys.
+    Obeyed,
+    /// A draft.
+    Draft,
+    /// What is obeyed while a draft is open: weaker than the draft.
+    BesideDraft,
 }
 
-/// The draft that begins with the goals that the vehicle has not reached, and the zones that the operator has sent. Zones
-/// that cannot be placed on the map must not be lost: the error says why.
+/// Pose of the frame of a mission in that of the map at the viewed time: a mission holds until the next one, however old it
+/// is. The error says that no transform connects them.
+fn map_from_mission(frame: &Frame, map: &str, mission: &Mission) -> Result<Pose, String> {
+    layers::map_from_frame(frame, map, &mission.frame_id, frame.transform_time(frame.now))
+}
+
+/// The area and the zones that the operator has sent, on the map; the error says why they cannot be placed.
+fn sent_bounds(frame: &Frame, map: &str, buffer: &str) -> Result<Bounds, String> {
+    let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) else {
+        return Ok(Bounds::default());
+    };
+    let map_from_sent = map_from_mission(frame, map, sent)?;
+    let outline =
+        |zone: &PlanePolygon| -> Vec<[f64; 2]> { zone.points.iter().map(place(map_from_sent)).collect() };
+    let keep_out = sent.keep_out.iter().map(outline).collect();
+    Ok(Bounds { area: sent.area.as_ref().map(outline), keep_out })
+}
+
+/// The draft that begins with the goals that the vehicle has not reached, and with area and zones that the operator has
+/// sent. What cannot be placed on the map must not be lost, and what is drawn must be of use: the error says why not.
 fn begin(frame: &Frame, map: &str, buffer: &str) -> Result<Draft, String> {
-    Ok(Draft::new(sent_zones(frame, map, buffer)?, obeyed(frame, map)))
+    sending_frame(frame, map)?;
+    Ok(Draft::new(sent_bounds(frame, map, buffer)?, obeyed(frame, map)?))
 }
 
 /// Why no mission can be drawn on a map; `None` if one can be drawn.
 pub(super) fn refusal(frame: &Frame, map: &str, buffer: &str) -> Option<String> {
-    sent_zones(frame, map, buffer).err()
+    begin(frame, map, buffer).err()
 }
 
-/// The mission that a vehicle obeys, and its pose in the frame of the map. A recorded mission counts where the run has
-/// none.
-fn obeyed<'a>(frame: &'a Frame, map: &str) -> Option<(&'a Mission, Pose)> {
-    let mut layers = layers::layers(frame);
-    layers.sort_by_key(layers::Layer::is_recorded);
-    layers.iter().find_map(|layer| match layer.kind {
-        Kind::Mission(mission) => Some((mission, layers::map_from_layer(frame, map, layer).ok()?)),
-        _ => None,
+/// The mission that a vehicle obeys, and the pose of its frame in that of the map; the error says why it cannot be placed. A
+/// recorded mission counts where the run has none and it can be placed.
+fn obeyed<'a>(frame: &'a Frame, map: &str) -> Result<Option<(&'a Mission, Pose)>, String> {
+    // Those of the run come first.
+    let topics = frame.topics_of_type("rcs.Mission").filter(|topic| topic.role() == Some(Role::Mission));
+    for topic in topics {
+        let Some(mission) = topic.get::<Mission>() else { continue };
+        match map_from_mission(frame, map, mission) {
+            Ok(pose) => return Ok(Some((mission, pose))),
+            Err(why) if !topic.run.is_recorded() => return Err(format!("the mission that is obeyed: {why}")),
+            Err(_) => {}
+        }
+    }
+    Ok(None)
+}
+
+/// The frame in which a mission is sent, and the pose of the map's frame in it: the frame in which the vehicle states its
+/// own mission, or that of the map if it states none. The error says why nothing can be sent.
+fn sending_frame(frame: &Frame, map: &str) -> Result<(String, Pose), String> {
+    if map == WGS84 {
+        let label = layers::frame_label(map);
+        return Err(format!("the frame {label:?} exists on the map alone: choose another frame of the map"));
+    }
+    Ok(match obeyed(frame, map)? {
+        Some((mission, map_from_own)) => (mission.frame_id.clone(), map_from_own.inverse()),
+        None => (map.to_owned(), Pose::IDENTITY),
     })
 }
 
 impl Map {
-    /// Opens a draft, unless what was sent cannot be placed on the map, or throws it away.
+    /// Opens a draft, unless none can be drawn on the map, or throws it away.
     pub(super) fn toggle_draft(&mut self, frame: &Frame, map: &str, buffer: &str) {
         self.draft = match self.draft {
             Some(_) => None,
@@ -120,7 +158,7 @@ impl Map {
         };
         let on_map = |pos: Pos2| at.viewport.to_plane(at.canvas, pos);
         if let Some(draft) = &mut self.draft {
-            if let Some((mission, _)) = obeyed(cx.frame, map) {
+            if let Ok(Some((mission, _))) = obeyed(cx.frame, map) {
                 draft.follow(mission);
             }
             // A click beside the open menu closes the menu and adds nothing.
@@ -135,7 +173,10 @@ impl Map {
         }
         let mut choice = None;
         response.context_menu(|ui| {
-            let refused = if self.draft.is_some() { None } else { refusal(cx.frame, map, &buffer) };
+            let refused = match self.draft {
+                Some(_) => sending_frame(cx.frame, map).err(),
+                None => refusal(cx.frame, map, &buffer),
+            };
             choice = self.mission_menu(ui, refused.as_deref(), 1.0 / at.viewport.scale);
         });
         if let Some(choice) = choice {
@@ -150,9 +191,11 @@ impl Map {
     fn take_choice(&mut self, cx: &mut ViewContext<'_>, map: &str, buffer: &str, choice: Choice) {
         match (choice, self.menu_at) {
             (Choice::Drive, Some(goal)) => {
+                // Where nothing can be sent, the draft stays.
+                let Ok(target) = sending_frame(cx.frame, map) else { return };
                 let known = self.draft.take().map_or_else(|| begin(cx.frame, map, buffer), Ok);
                 if let Ok(known) = known {
-                    send(cx, map, buffer, &known.with_only_goal(goal));
+                    send(cx, buffer, &target, &known.with_only_goal(goal));
                 }
             }
             (Choice::Drive, None) => {}
@@ -201,6 +244,7 @@ impl Map {
     fn mission_plate(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, map: &str, buffer: &str, at: At) {
         let Some(draft) = &mut self.draft else { return };
         let tokens = tokens(ui);
+        let target = sending_frame(cx.frame, map);
         let mut discard = false;
         // Below the scale bar.
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
@@ -227,9 +271,11 @@ impl Map {
                 ui.separator();
                 let open = !draft.corners().is_empty();
                 let send_it = format!("{}  Send", icons::ICON_SEND.codepoint);
-                let button = ui.add_enabled(draft.changed && !open, egui::Button::new(send_it));
-                if button.on_disabled_hover_text(why_not(draft)).clicked() {
-                    let sent = send(cx, map, buffer, draft);
+                let can = draft.changed && !open && target.is_ok();
+                let why = target.as_ref().err().map_or(why_not(draft), String::as_str);
+                let button = ui.add_enabled(can, egui::Button::new(send_it)).on_disabled_hover_text(why);
+                if let (true, Ok(target)) = (button.clicked(), &target) {
+                    let sent = send(cx, buffer, target, draft);
                     draft.sent(&sent);
                 }
                 discard = ui.button("Close").on_hover_text("Without sending").clicked();
@@ -257,13 +303,15 @@ fn why_not(draft: &Draft) -> &'static str {
     if draft.corners().is_empty() { "Nothing has changed" } else { "The zone is not closed" }
 }
 
-/// Sends a mission in the frame in which the vehicle states its own, if it states one. Returns what was sent.
-fn send(cx: &mut ViewContext<'_>, map: &str, buffer: &str, draft: &Draft) -> Mission {
-    let own =
-        obeyed(cx.frame, map).map(|(mission, map_from_own)| (&*mission.frame_id, map_from_own.inverse()));
-    let (frame_id, frame_from_map) = own.unwrap_or((map, Pose::IDENTITY));
+/// Sends a mission in a frame, given with the pose of the map's frame in it ([`sending_frame`]). Returns what was sent.
+fn send(
+    cx: &mut ViewContext<'_>,
+    buffer: &str,
+    (frame_id, frame_from_map): &(String, Pose),
+    draft: &Draft,
+) -> Mission {
     let timestamp = Some(cx.frame.now.to_proto());
-    let mission = Mission { timestamp, ..draft.message(frame_id, &frame_from_map) };
+    let mission = Mission { timestamp, ..draft.message(frame_id, frame_from_map) };
     let message = AnyMessage::new(mission.clone());
     cx.controls.push(Control::Write { buffer: buffer.to_owned(), message });
     mission
@@ -272,7 +320,7 @@ fn send(cx: &mut ViewContext<'_>, map: &str, buffer: &str, draft: &Draft) -> Mis
 /// Paints a draft, and marks the point of it that is dragged, or that can be dragged from under the pointer.
 fn paint_draft(ui: &Ui, draft: &Draft, map: &str, response: &Response, at: At, labels: &mut Labels) {
     let (painter, tokens) = (ui.painter_at(at.canvas), tokens(ui));
-    paint(&painter, &draft.message(map, &Pose::IDENTITY), at, tokens, true, labels);
+    paint(&painter, &draft.message(map, &Pose::IDENTITY), at, tokens, Look::Draft, labels);
     paint_corners(&painter, draft.corners(), at, tokens);
     // A pointer that moves the map points at nothing.
     let pointer = response.hover_pos().filter(|_| !response.dragged());
@@ -290,16 +338,28 @@ fn paint_draft(ui: &Ui, draft: &Draft, map: &str, response: &Response, at: At, l
     ui.ctx().set_cursor_icon(icon);
 }
 
-/// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak. The corners of
-/// the zones of a draft are discs.
-pub(super) fn paint(
+/// Paints the mission that a vehicle obeys. While a draft is open, what of its area and zones is not in the draft, and weaker.
+pub(super) fn paint_obeyed(
     painter: &Painter,
     mission: &Mission,
+    draft: Option<&Draft>,
     at: At,
     tokens: &Tokens,
-    is_draft: bool,
     labels: &mut Labels,
 ) {
+    match draft {
+        Some(draft) => {
+            let beside = draft.not_drawn(mission, at.map_from_layer);
+            paint(painter, &beside, at, tokens, Look::BesideDraft, labels);
+        }
+        None => paint(painter, mission, at, tokens, Look::Obeyed, labels),
+    }
+}
+
+/// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak. The corners of
+/// the zones of a draft are discs.
+fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Tokens, look: Look, labels: &mut Labels) {
+    let is_draft = look == Look::Draft;
     let screen = |zone: &PlanePolygon| -> Vec<Pos2> {
         zone.points.iter().map(|point| at.screen([point.x_m, point.y_m])).collect()
     };
@@ -310,7 +370,11 @@ pub(super) fn paint(
         let stroke = Stroke::new(1.5, tokens.weak);
         painter.extend(clip::dashed(&around(area), stroke, tokens.weak));
     }
-    let red = if is_draft { tokens.warning } else { tokens.error };
+    let red = match look {
+        Look::Obeyed => tokens.error,
+        Look::Draft => tokens.warning,
+        Look::BesideDraft => tokens.error.gamma_multiply(0.5),
+    };
     for zone in &mission.keep_out {
         hatch(painter, &screen(zone), red.gamma_multiply(0.6));
         let halo = Stroke::new(4.0, tokens.canvas().gamma_multiply(0.8));
@@ -367,5 +431,54 @@ pub(super) fn hatch(painter: &Painter, corners: &[Pos2], color: Color32) {
             painter.line_segment(ends, Stroke::new(1.0, color));
         }
         s += HATCH;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use rcs_geom::TransformTree;
+    use rcs_runtime::source::RunTag;
+    use std::sync::Arc;
+
+    /// A vehicle that stated its mission 5 s ago, in a frame, and whose frame `local` has moved by 10 m in the frame `global`
+    /// since.
+    fn stated_in(frame_id: &str, run: RunTag) -> Frame {
+        let mission = Mission { frame_id: frame_id.to_owned(), ..Mission::default() };
+        let mut topic = samples::topic("/generator/driven", 0.1, 5.0, mission);
+        topic.metadata = Arc::new([("rcs.role".to_owned(), "mission".to_owned())].into());
+        topic.run = run;
+        let mut tree = TransformTree::new();
+        for (age_ns, x) in [(5_000_000_000, 0.0), (0, 10.0)] {
+            let at = samples::NOW.before_ns(age_ns);
+            tree.insert("global", "local", at.0, Pose::from_xy_yaw(x, 0.0, 0.0)).unwrap();
+        }
+        Frame { topics: Arc::new([topic]), transforms: Arc::new(tree), ..samples::empty() }
+    }
+
+    #[test]
+    fn a_mission_is_sent_and_painted_by_the_transform_of_the_viewed_time() {
+        let frame = stated_in("global", RunTag::FIRST);
+        let (target, target_from_map) = sending_frame(&frame, "local").unwrap();
+        assert_eq!(target, "global");
+        assert!((target_from_map.translation.x - 10.0).abs() < 1e-9, "{target_from_map:?}");
+        let layers = layers::layers(&frame);
+        let map_from_layer = layers::map_from_layer(&frame, "local", &layers[0]).unwrap();
+        assert!((map_from_layer.translation.x + 10.0).abs() < 1e-9, "{map_from_layer:?}");
+    }
+
+    #[test]
+    fn nothing_is_sent_where_the_mission_that_is_obeyed_cannot_be_placed_and_on_a_geodetic_map() {
+        let target = |frame: &Frame, map: &str| sending_frame(frame, map).map(|(frame_id, _)| frame_id);
+        let local = Ok("local".to_owned());
+        assert_eq!(target(&samples::empty(), "local"), local);
+        assert_eq!(target(&stated_in("elsewhere", RunTag::Recorded), "local"), local);
+        let error = target(&stated_in("elsewhere", RunTag::FIRST), "local").unwrap_err();
+        assert!(error.contains("frame \"elsewhere\" is not connected to \"local\""), "{error}");
+        for frame in [samples::empty(), stated_in("global", RunTag::FIRST)] {
+            assert!(target(&frame, WGS84).unwrap_err().contains("choose another frame"));
+            assert!(refusal(&frame, WGS84, "/operator/mission").is_some());
+        }
     }
 }

@@ -282,9 +282,16 @@ impl Map {
                     let at = plan::At { map_from_layer, viewport, canvas };
                     plan::arcs(&painter, choice, at, tokens(ui), meant, is_old);
                 }
-                (Kind::Mission(mission), Ok(map_from_layer)) if self.draft.is_none() => {
+                (Kind::Mission(mission), Ok(map_from_layer)) => {
                     let at = plan::At { map_from_layer, viewport, canvas };
-                    mission::paint(&painter, mission, at, tokens(ui), false, &mut labels);
+                    mission::paint_obeyed(
+                        &painter,
+                        mission,
+                        self.draft.as_ref(),
+                        at,
+                        tokens(ui),
+                        &mut labels,
+                    );
                 }
                 (Kind::Track { .. }, _) => {
                     self.paint_track(ui, layer, cx.frame, viewport, canvas, color, &mut labels);

@@ -425,7 +425,7 @@ fn made(name: &str, shapes: Shapes) -> Layer {
     Layer { name: format!("({name})"), content, pose: Pose::IDENTITY }
 }
 
-/// Poses of the coordinate frames that are connected to the scene, now or at the nearest time with a transform.
+/// Poses of the coordinate frames that are connected to the scene, now or by the nearest sample of each transform.
 fn frame_poses(frame: &Frame, scene: &str) -> Vec<(String, Pose)> {
     let (tree, now) = (&frame.transforms, frame.transform_time(frame.now));
     let pose = |name: &str| tree.lookup_nearest(scene, name, now.0).ok();

@@ -9,7 +9,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use rcs_bus::Sample;
 use rcs_msg::AnyMessage;
 use rcs_msg::rcs::{ExampleKind, Mission, PlanePoint, PlanePolygon, TrainingExample};
-use rcs_runtime::source::{Control, RunTag};
+use rcs_runtime::source::{Control, RunTag, Topic, WGS84};
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new(kind, samples::driving()), Vec2::new(900.0, 760.0), Theme::Dark);
@@ -188,11 +188,12 @@ fn a_click_on_the_panel_of_a_mission_does_not_reach_the_map() {
     assert!(map.query_by_label_contains("1 goal, 0 keep-out zones: as sent").is_some());
 }
 
-/// A map after a zone was sent in a frame.
+/// A map after a zone, and an area of the same size, were sent in a frame.
 fn map_after_a_zone_in(frame_id: &str) -> Harness<'static, Shown> {
     let corner = |x_m, y_m| PlanePoint { x_m, y_m };
     let zone = PlanePolygon { points: vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)] };
-    let mission = Mission { frame_id: frame_id.to_owned(), keep_out: vec![zone], ..Mission::default() };
+    let area = Some(zone.clone());
+    let mission = Mission { frame_id: frame_id.to_owned(), area, keep_out: vec![zone], ..Mission::default() };
     let mut frame = samples::driving();
     let topics = frame.topics.iter().cloned().chain([samples::topic("/operator/mission", 0.1, 1.0, mission)]);
     frame.topics = topics.collect();
@@ -212,8 +213,10 @@ fn driven_after_a_zone_in(frame_id: &str) -> Vec<Mission> {
 }
 
 #[test]
-fn a_goal_by_a_click_keeps_the_zones_and_is_not_sent_where_they_would_be_lost() {
-    assert_eq!(driven_after_a_zone_in("local")[0].keep_out.len(), 1);
+fn a_goal_by_a_click_keeps_area_and_zones_and_is_not_sent_where_they_would_be_lost() {
+    let missions = driven_after_a_zone_in("local");
+    let sent = &missions[0];
+    assert_eq!((sent.keep_out.len(), sent.area.as_ref()), (1, Some(&sent.keep_out[0])));
     assert_eq!(driven_after_a_zone_in("elsewhere").len(), 0);
 }
 
@@ -228,6 +231,48 @@ fn a_mission_is_not_drawn_where_the_zones_that_were_sent_cannot_be_placed() {
         let edit = map.get_by_label_contains("Edit the mission");
         assert_eq!(edit.accesskit_node().is_disabled(), is_refused);
     }
+}
+
+#[test]
+fn a_mission_is_not_drawn_on_a_geodetic_map() {
+    let mut frame = samples::driving();
+    let is_kept = |name: &str| !["/wm1/map", "/generator/driven"].contains(&name);
+    frame.topics = frame.topics.iter().filter(|topic| is_kept(&topic.name)).cloned().collect();
+    let tracks = samples::full().tracks;
+    frame.tracks = frame.tracks.iter().chain(tracks.iter()).cloned().collect();
+    for (map, is_refused) in [("local", false), (WGS84, true)] {
+        let mut shown = Shown::new("map", frame.clone());
+        shown.view.load(&serde_json::json!({ "frame": map })).unwrap();
+        let mut map = harness(shown, Vec2::new(900.0, 760.0), Theme::Dark);
+        map.run();
+        assert_eq!(map.get_by_label_contains("Draw a mission").accesskit_node().is_disabled(), is_refused);
+        let middle = map.get_by_label("Map").rect().center();
+        click(&mut map, middle, egui::PointerButton::Secondary);
+        assert_eq!(map.get_by_label_contains("Drive here").accesskit_node().is_disabled(), is_refused);
+    }
+}
+
+#[test]
+fn the_area_and_the_zones_that_are_obeyed_are_seen_while_a_mission_is_drawn() {
+    let picture = |has_bounds: bool| {
+        let mut frame = samples::driving();
+        let edit = |topic: &Topic| match topic.get::<Mission>() {
+            Some(mission) if !has_bounds => {
+                let mission = Mission { area: None, keep_out: Vec::new(), ..mission.clone() };
+                let sample = topic.latest.clone().unwrap();
+                topic.clone().with_latest(Sample { message: AnyMessage::new(mission), ..sample })
+            }
+            _ => topic.clone(),
+        };
+        frame.topics = frame.topics.iter().map(edit).collect();
+        let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+        map.run();
+        map.get_by_label_contains("Draw a mission").click();
+        map.run();
+        assert!(map.query_by_label_contains("1 goal, 0 keep-out zones: as sent").is_some());
+        map.render().unwrap()
+    };
+    assert_ne!(picture(true), picture(false));
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Fields of a log: the whole log is read once for all fields that were named together, on a thread of its own.
+//! Fields of a log: the whole log is read once for all fields that were named together, on a thread of its own, which ends
+//! when none of them is wanted any more.
 
 use super::channels::{Channels, Chosen, alike, choose};
 use super::pieces::read_pieces;
@@ -28,15 +29,8 @@ struct Growing {
 #[derive(Default)]
 pub(crate) struct LogFields {
     fields: Vec<Growing>,
-    stop: Arc<AtomicBool>,
     /// Set for each thread when it has ended.
     ended: Vec<Arc<AtomicBool>>,
-}
-
-impl Drop for LogFields {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-    }
 }
 
 impl LogFields {
@@ -67,7 +61,7 @@ impl LogFields {
         if wanted.is_empty() {
             return;
         }
-        let (log, stop, ended) = (log.clone(), Arc::clone(&self.stop), Arc::new(AtomicBool::new(false)));
+        let (log, ended) = (log.clone(), Arc::new(AtomicBool::new(false)));
         let told: Vec<_> =
             wanted.iter().flat_map(|topic| &topic.readers).map(|reader| Arc::clone(&reader.told)).collect();
         self.ended.push(Arc::clone(&ended));
@@ -79,7 +73,6 @@ impl LogFields {
                 for reader in readers {
                     reader.tell(Some(time.seconds_since(start) / span_s));
                 }
-                !stop.load(Ordering::Relaxed)
             });
             ended.store(true, Ordering::Relaxed);
         };
@@ -123,13 +116,13 @@ fn add(wanted: &mut BTreeMap<Vec<TopicId>, Wanted>, channels: Channels, reader: 
     known.or_insert_with(|| Wanted { schema, ids, readers: Vec::new() }).readers.push(reader);
 }
 
-/// Reads these topics until `go_on` refuses: numbers on several threads, and texts and what was recorded as deltas in the
-/// order of the log.
+/// Reads these topics: numbers on several threads, and texts and what was recorded as deltas in the order of the log. Each
+/// part ends when none of its fields is wanted any more. `report` is told up to which time the log has been read.
 fn read_topics(
     log: &Log,
     wanted: Vec<Wanted>,
     times: &RangeInclusive<Stamp>,
-    mut go_on: impl FnMut(Stamp, &[&Reader]) -> bool,
+    mut report: impl FnMut(Stamp, &[&Reader]),
 ) -> Result<(), LogError> {
     let reassembly = Reassembly::new(log);
     let (mut direct, mut in_order) = (Vec::new(), Vec::new());
@@ -141,33 +134,34 @@ fn read_topics(
         direct.extend((!numbers.is_empty()).then(|| topic(numbers)));
         in_order.extend((!others.is_empty()).then(|| topic(others)));
     }
-    let mut is_stopped = false;
     let mut pieces = Ok(());
     if !direct.is_empty() {
         let read = read_pieces(log, &mut direct, times, |time, readers| {
-            is_stopped |= !go_on(time, readers);
-            !is_stopped
+            report(time, readers);
+            is_any_wanted(readers)
         });
         match read {
             Some(read) => pieces = read,
             None => in_order.append(&mut direct),
         }
-        if !is_stopped {
-            direct.iter().flat_map(|topic| &topic.readers).for_each(|reader| reader.tell(None));
-        }
+        direct.iter().flat_map(|topic| &topic.readers).for_each(|reader| reader.tell(None));
     }
-    if is_stopped || in_order.is_empty() {
+    if in_order.is_empty() {
         return pieces;
     }
-    read_in_order(log, in_order, times, go_on).and(pieces)
+    read_in_order(log, in_order, times, report).and(pieces)
 }
 
-/// Reads these topics in one pass, until `go_on` refuses.
+fn is_any_wanted(readers: &[&Reader]) -> bool {
+    readers.iter().any(|reader| reader.is_wanted())
+}
+
+/// Reads these topics in one pass, until none of their fields is wanted any more.
 fn read_in_order(
     log: &Log,
     mut wanted: Vec<Wanted>,
     times: &RangeInclusive<Stamp>,
-    mut go_on: impl FnMut(Stamp, &[&Reader]) -> bool,
+    mut report: impl FnMut(Stamp, &[&Reader]),
 ) -> Result<(), LogError> {
     let mut reassembly = Reassembly::new(log);
     let mut by_id: BTreeMap<TopicId, usize> = BTreeMap::new();
@@ -202,7 +196,8 @@ fn read_in_order(
         }
         if count % PIECE == 0 {
             let readers: Vec<&Reader> = wanted.iter().flat_map(|topic| &topic.readers).collect();
-            if !go_on(stored.log_time, &readers) {
+            report(stored.log_time, &readers);
+            if !is_any_wanted(&readers) {
                 return failed;
             }
         }
@@ -230,7 +225,7 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
         }
         found.push((field.clone(), points, told));
     }
-    let read = read_topics(log, wanted.into_values().collect(), &times, |_, _| true);
+    let read = read_topics(log, wanted.into_values().collect(), &times, |_, _| {});
     let series = found.into_iter().map(|(field, points, told)| {
         let told = lock(&told);
         let problem =
@@ -245,4 +240,59 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
         }
     });
     series.collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::{rcs, schema_of};
+
+    const COUNT: u64 = 10_000;
+
+    fn log(path: &std::path::Path) -> Log {
+        let options = WriterOptions { chunk_bytes: 2000, ..WriterOptions::default() };
+        let mut writer = LogWriter::create(path, options).unwrap();
+        let channel = writer.add_channel("/a", schema_of::<rcs::Status>(), &BTreeMap::new()).unwrap();
+        for cycle in 0..COUNT {
+            let state_text = format!("text {}", cycle % 7);
+            let status = rcs::Status { cycle, state_text, ..rcs::Status::default() };
+            let time = Stamp(cycle + 1);
+            let header = WriteHeader { sequence: cycle as u32, log_time: time, publish_time: time };
+            writer.write(channel, header, &AnyMessage::new(status).bytes()).unwrap();
+        }
+        writer.finish().unwrap();
+        Log::open(path).unwrap()
+    }
+
+    #[test]
+    fn reading_ends_when_none_of_its_fields_is_wanted_any_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = log(&folder.path().join("fields.mcap"));
+        // How often the progress is reported, and how many points of a number and of a text are read.
+        let read = |is_held: [bool; 2]| {
+            let (mut wanted, mut held) = (BTreeMap::new(), Vec::new());
+            for (path, is_held) in ["cycle", "state_text"].into_iter().zip(is_held) {
+                let groups = alike(log.info().topics_named("/a"), &Reassembly::new(&log));
+                let chosen = choose("/a", &groups, &path.parse().unwrap()).unwrap();
+                let points = Arc::new(SeriesWriter::default());
+                let reader =
+                    Reader { extractor: chosen.extractor, points: Arc::clone(&points), told: Arc::default() };
+                add(&mut wanted, chosen.channels, reader);
+                held.extend(is_held.then_some(points));
+            }
+            let mut reports = 0_usize;
+            let times = log.info().start..=log.info().end;
+            read_topics(&log, wanted.into_values().collect(), &times, |_, _| reports += 1).unwrap();
+            let counts: Vec<usize> = held.iter().map(|points| points.read().len()).collect();
+            (reports, counts)
+        };
+        let all = COUNT as usize;
+        let (reports, counts) = read([true, true]);
+        assert!(reports > 20 && counts == [all, all], "{reports} {counts:?}");
+        assert_eq!(read([false, false]), (2, Vec::new()), "each part ends where it first looks");
+        let in_order = COUNT.div_ceil(PIECE as u64) as usize;
+        assert_eq!(read([false, true]), (1 + in_order, vec![all]), "the other part is read whole");
+    }
 }

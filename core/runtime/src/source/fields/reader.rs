@@ -28,6 +28,11 @@ pub(super) struct Reader {
 }
 
 impl Reader {
+    /// Whether the points are held by anyone but the reading thread: until the field is removed.
+    pub(super) fn is_wanted(&self) -> bool {
+        Arc::strong_count(&self.points) > 1
+    }
+
     pub(super) fn take(&mut self, stamp: Stamp, message: &AnyMessage) {
         let value = self.extractor.read(message);
         self.points.append(FieldPoint { stamp, value });

@@ -1,0 +1,156 @@
+//! Tests of events.
+
+use super::*;
+
+fn status(state: rcs::ProcessState, text: &str, faults: u64) -> AnyMessage {
+    AnyMessage::new(rcs::Status {
+        process: "planner".into(),
+        command: "RUN".into(),
+        state: state.into(),
+        state_text: text.into(),
+        faults,
+        ..rcs::Status::default()
+    })
+}
+
+fn texts(events: &Events) -> Vec<String> {
+    let mut texts = Vec::new();
+    events.each_from(0, |_, event| texts.push(format!("{} {}", event.kind.name(), event.text)));
+    texts
+}
+
+#[test]
+fn only_changes_of_a_state_are_events_and_numbers_in_its_text_are_none() {
+    let mut watch = EventWatch::default();
+    let topic: Arc<str> = "/planner/status".into();
+    let exec = rcs::ProcessState::Exec;
+    let messages = [
+        status(exec, "12.5 m to go", 0),
+        status(exec, "12.1 m to go", 0),
+        status(exec, "no path", 1),
+        status(exec, "11.9 m to go", 1),
+        status(exec, "no path", 2),
+        status(exec, "no path", 3),
+        status(rcs::ProcessState::Error, "", 3),
+    ];
+    for (second, message) in (0_u64..).zip(&messages) {
+        watch.take(&topic, Stamp(second * 1_000_000_000), message);
+    }
+    let events = watch.read(RunTag::FIRST);
+    assert_eq!(
+        texts(&events),
+        [
+            "modes EXEC · RUN · 12.5 m to go",
+            "modes EXEC · RUN · no path",
+            "errors 1 inputs not used: ",
+            "errors 2 inputs not used: ",
+            "errors ERROR · RUN",
+        ]
+    );
+    let fork = watch.fork(Stamp(3_000_000_000)).read(RunTag::FIRST);
+    assert_eq!(fork.len(), 3);
+    assert!(!fork.same(&events));
+}
+
+#[test]
+fn a_branch_begins_with_what_was_known_where_it_leaves_its_parent() {
+    let second = |second: u64| Stamp(second * 1_000_000_000);
+    let [planner, bumper, stop]: [Arc<str>; 3] = ["/planner/status", "/bumper", "/stop"].map(Into::into);
+    let driving = |faults| status(rcs::ProcessState::Exec, "3 m to go", faults);
+    let pressed = |left| AnyMessage::new(rcs::Bumper { left, ..rcs::Bumper::default() });
+    let stopped = |active| AnyMessage::new(rcs::EmergencyStop { active, ..rcs::EmergencyStop::default() });
+    let mut parent = EventWatch::default();
+    parent.take(&stop, second(1), &stopped(false));
+    for at in 0..=60 {
+        parent.take(&planner, second(at), &driving(if at < 40 { 1 } else { at }));
+        parent.take(&bumper, second(at), &pressed(at >= 30));
+    }
+    parent.take(&stop, second(60), &stopped(true));
+    let mut branch = parent.fork(second(20));
+    let shared = branch.read(RunTag::FIRST).len();
+    // Nothing has changed since.
+    branch.take(&planner, second(21), &driving(1));
+    branch.take(&bumper, second(21), &pressed(false));
+    branch.take(&stop, second(21), &stopped(false));
+    assert_eq!(branch.read(RunTag::FIRST).len(), shared);
+    branch.take(&planner, second(22), &driving(2));
+    branch.take(&bumper, second(22), &pressed(true));
+    branch.take(&stop, second(22), &stopped(true));
+    let found = texts(&branch.read(RunTag::FIRST));
+    let wanted = ["errors 2 inputs not used: ", "bumper bumper hit, left", "operator emergency stop"];
+    assert_eq!(found[shared..], wanted);
+}
+
+#[test]
+fn each_type_in_which_events_are_found_has_a_kind_and_the_other_way_round() {
+    for name in EVENT_TYPES {
+        assert!(EventKind::ALL.iter().any(|kind| kind.is_found_in(name)), "{name}");
+    }
+    let found = |kind: &EventKind| EVENT_TYPES.iter().any(|name| kind.is_found_in(name));
+    assert!(EventKind::ALL.iter().all(found));
+    assert!(!EventKind::ALL.iter().any(|kind| kind.is_found_in("foxglove.Grid")));
+}
+
+#[test]
+fn an_operator_who_drives_is_one_event_until_a_pause() {
+    let mut watch = EventWatch::default();
+    let journal: Arc<str> = "/runtime/journal".into();
+    for tenth in [0, 1, 2, 3, 40, 41] {
+        let event = rcs::JournalEvent {
+            writer: OPERATOR.into(),
+            buffer: "/operator/drive".into(),
+            schema: "rcs.DriveCommand".into(),
+            ..rcs::JournalEvent::default()
+        };
+        watch.take(&journal, Stamp(tenth * 100_000_000), &AnyMessage::new(event));
+    }
+    assert_eq!(watch.read(RunTag::FIRST).len(), 2);
+}
+
+#[test]
+fn an_override_is_told_with_its_field_and_value() {
+    let told = |mode: Mode, path: &str, id| {
+        overridden(&rcs::Override {
+            buffer: "/imu".to_owned(),
+            path: path.to_owned(),
+            mode: mode.into(),
+            value_json: "5".to_owned(),
+            id,
+            ..rcs::Override::default()
+        })
+    };
+    assert_eq!(told(Mode::Hold, ".x", 0), "holds /imu.x = 5");
+    assert_eq!(told(Mode::Once, "", 0), "writes /imu = a whole message into the next message");
+    assert_eq!(told(Mode::Release, ".x", 0), "releases /imu.x");
+    assert_eq!(told(Mode::Release, "", 3), "releases override 3");
+}
+
+#[test]
+fn events_are_found_by_time_by_kind_and_between_times() {
+    let event = |second: u64, kind| Event {
+        stamp: Stamp(second * 1_000_000_000),
+        kind,
+        level: EventLevel::Info,
+        source: "a".into(),
+        text: format!("{second}").into(),
+    };
+    let kinds = [EventKind::Mode, EventKind::Error];
+    let events = Events::of(RunTag::FIRST, (0..100).map(|i| event(i, kinds[(i % 2) as usize])));
+    assert_eq!(events.counts()[EventKind::Mode as usize], 50);
+    assert_eq!(events.count_until(Stamp(9_500_000_000)), 10);
+    let next = |at: u64, back| {
+        events
+            .beside(Stamp(at * 1_000_000_000), back, &[EventKind::Error])
+            .map(|event| event.text.to_string())
+    };
+    assert_eq!((next(3, false).as_deref(), next(3, true).as_deref()), (Some("5"), Some("1")));
+    assert_eq!((next(99, false), next(0, true)), (None, None));
+    let times: Vec<Stamp> = (0..=10).map(|i| Stamp(i * 10_000_000_000)).collect();
+    let at_the_start = events.between(EventKind::Mode, &times[..2]);
+    assert_eq!(at_the_start[0].as_ref().map(|event| event.stamp), Some(Stamp(0)));
+    let found = events.between(EventKind::Error, &times);
+    let first: Vec<_> =
+        found.iter().map(|event| event.as_ref().map(|event| event.text.to_string())).collect();
+    let reference: Vec<_> = (0..10).map(|i| Some(format!("{}", i * 10 + 1))).collect();
+    assert_eq!(first, reference);
+}
