@@ -8,6 +8,7 @@
 //! - [`SensorTime`]: when a sensor measured, where its clock may be ahead.
 //! - [`ImageCheck`]: whether an image is usable: its size, its exposure, and that the camera is not frozen.
 //! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
+//! - [`is_slippery`], [`LastSlip`]: what slip over some metres tells of the ground.
 //! - [`worth`], [`PlaneNoise`]: how much a vote counts.
 //! - [`Origin`]: the origin of the global frame on the earth.
 //! - [`Sample`]: the picture of what a model was learned from.
@@ -44,6 +45,7 @@ mod plausible;
 mod pose_ports;
 mod sample;
 mod sensor_time;
+mod slippery;
 mod standing;
 mod worth;
 
@@ -61,6 +63,7 @@ pub use plausible::{FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2};
 pub use pose_ports::PosePorts;
 pub use sample::{Rgb, SAMPLE_PX, Sample, SampleError};
 pub use sensor_time::SensorTime;
+pub use slippery::{LastSlip, SLIPPERY, is_by_images, is_slippery};
 pub use standing::{Standing, is_obstacle, plane_height};
 pub use worth::{PlaneNoise, worth};
 
@@ -76,8 +79,3 @@ pub mod stop_reason {
     /// The last command was refused.
     pub const REFUSED: &str = "the last command was refused";
 }
-
-/// Slip over some metres (`rcs.WaySlip`) of ground on which wheels slip and the vehicle gets on: firm ground and growth have
-/// less than 0.2 in truth, flat mud 0.5. More slip tells nothing of the ground: the vehicle hardly moves, and without images
-/// the local frame moves on over ground that its wheels have not touched.
-pub const SLIPPERY: std::ops::RangeInclusive<f64> = 0.35..=0.7;

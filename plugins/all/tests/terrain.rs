@@ -304,7 +304,7 @@ fn threads_and_snapshots_do_not_change_a_bit() {
     let given = || [(0..5).flat_map(|i| frame(500 + i * 300, |_| {})).collect(), drive(1.0, 2400)].concat();
     let replay = |threads: usize| {
         let options = RunOptions { threads, hash: true, ..RunOptions::default() };
-        Replay::new("pose = { max_age_s = 0.5 }", given(), options)
+        Replay::new("pose = { max_age_s = 0.5 }, driven_delay_s = 0.5", given(), options)
     };
     let mut one = replay(1);
     one.until(2300);

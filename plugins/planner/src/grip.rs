@@ -3,11 +3,9 @@
 
 use rcs_geom::DVec2;
 use rcs_msg::rcs::WaySlip;
-use rcs_sense::SLIPPERY;
+use rcs_sense::{SLIPPERY, is_by_images};
 use serde::{Deserialize, Serialize};
 
-/// Greatest way of a report by images, m: those by fixes are about 5 m long.
-const BY_IMAGES_M: f64 = 2.0;
 /// Way that reports lag behind and that is between two of them, m.
 const LAG_M: f64 = 1.5;
 
@@ -23,7 +21,7 @@ pub struct Gripped {
 impl Gripped {
     /// Takes a report, the middle of which is here in the local frame, m.
     pub fn take(&mut self, report: &WaySlip, middle: DVec2) {
-        if report.rolled_m > BY_IMAGES_M || report.slip >= *SLIPPERY.start() {
+        if !is_by_images(report) || report.slip >= SLIPPERY {
             *self = Self::default();
             return;
         }

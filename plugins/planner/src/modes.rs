@@ -348,6 +348,12 @@ impl Modes {
         *self = Modes { begun: self.begun, ..Modes::default() };
     }
 
+    /// How long conditions have held counts from a change of mode on: what one mode does, such as wheels that spin while it
+    /// shakes the vehicle, does not begin the next one.
+    fn watch_anew(&mut self) {
+        self.since.iter_mut().flatten().for_each(|since| *since = None);
+    }
+
     /// Decides which mode is active from now on. At most one transition happens in a cycle.
     pub fn step(&mut self, table: &Table, signals: &Signals, now: Stamp) -> Option<Transition> {
         let conditions = table.modes.iter().map(|mode| mode.enter.len() + mode.exit.len());
@@ -388,6 +394,7 @@ impl Modes {
             }
             self.active = Some((next, now));
             self.begun = self.begun.wrapping_add(1);
+            self.watch_anew();
             return Some(Transition { from: name(active), to: name(Some(next)), reason });
         }
         let mode = &table.modes[active?];
@@ -396,6 +403,7 @@ impl Modes {
         let reason = condition.text(signals);
         self.ended[active?] = Some(now);
         self.active = None;
+        self.watch_anew();
         Some(Transition { from: name(active), to: String::new(), reason })
     }
 }

@@ -71,6 +71,23 @@ fn a_higher_priority_interrupts_and_a_pause_is_kept() {
 }
 
 #[test]
+fn what_happens_during_a_mode_does_not_begin_the_next_one() {
+    let (table, mut modes) = (Table::parse(TABLE).unwrap(), Modes::default());
+    let hit = with(&[(Signal::Bumper, 1.0), (Signal::RoomM, 0.3)]);
+    assert_eq!(to(modes.step(&table, &hit, at(0))), Some("REVERSE".to_owned()));
+    let away = with(&[(Signal::MovedM, 0.6), (Signal::RoomM, 0.3)]);
+    assert_eq!(to(modes.step(&table, &away, at(900))), Some(String::new()));
+    let narrow = with(&[(Signal::RoomM, 0.3)]);
+    assert_eq!(
+        modes.step(&table, &narrow, at(950)),
+        None,
+        "it was narrow for 0.9 s, nearly all of that in the mode"
+    );
+    assert_eq!(modes.step(&table, &narrow, at(1400)), None);
+    assert_eq!(to(modes.step(&table, &narrow, at(1450))), Some("SLOW".to_owned()));
+}
+
+#[test]
 fn tables_that_cannot_work_are_refused() {
     let row = |keys: &str| format!("format = 1\n[[mode]]\nname = 'A'\npriority = 1\n{keys}");
     let enter = "enter = [{ signal = 'slip', at_least = 0.5 }]\n";

@@ -13,8 +13,8 @@ use rcs_msg::rcs::{
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, Extrinsics, FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2, Localizer, PosePorts, SLIPPERY,
-    SensorTime, pose_of,
+    Axes, Extrinsics, FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2, LastSlip, Localizer, PosePorts,
+    SensorTime, is_slippery, pose_of,
 };
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -35,6 +35,7 @@ pub struct Proximity {
     encoders_at: Option<Stamp>,
     motors_at: Option<Stamp>,
     reported: Option<Stamp>,
+    last_slip: LastSlip,
 }
 
 /// Ports of [`Proximity`].
@@ -116,6 +117,7 @@ impl Process for Proximity {
             self.take_infrared(&readings, ports, params, cx);
         }
         while let Some(report) = cx.read(&ports.way_slip) {
+            self.last_slip.take(&report, cx.now());
             take_way_slip(&report, ports, params, cx);
         }
         self.take_wheels(ports, cx);
@@ -178,7 +180,8 @@ impl Proximity {
         };
         self.bumper = Some((switches, time));
         // Where the wheels slip, the vehicle is not where odometry says, and what is under it says nothing.
-        let slips = matches!(self.traction.state, State::Spins | State::Stalled);
+        let slips =
+            matches!(self.traction.state, State::Spins | State::Stalled) || self.last_slip.is_on(cx.now());
         let costs = bumper_costs(&pose, &body(params), bumper.left, bumper.right, !slips);
         let grid = costs.into_message(Source::BUMPER, extrinsics(params).frames.local, time);
         cx.write(&ports.bumper_cost, time, grid);
@@ -338,7 +341,7 @@ fn silent_s<T: Payload>(port: &In<T>, cx: &Cycle<'_>) -> f64 {
 
 /// Says where the wheels slipped over some metres: what was driven over there is not free.
 fn take_way_slip(report: &Msg<WaySlip>, ports: &Ports, params: &ProximityParams, cx: &mut Cycle<'_>) {
-    if !SLIPPERY.contains(&report.slip) {
+    if !is_slippery(report) {
         return;
     }
     let local = extrinsics(params).frames.local;

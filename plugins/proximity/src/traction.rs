@@ -188,10 +188,13 @@ impl Traction {
             return;
         }
         // Wheels that turn around do not spin at that moment: the vehicle stands with them.
-        if wheels * self.before_mps <= 0.0 {
+        if wheels * self.before_mps < 0.0 {
             self.inertial_mps = wheels;
         }
-        self.before_mps = wheels;
+        // Wheels that are braked to 0 have not turned around: the vehicle may still roll.
+        if wheels != 0.0 {
+            self.before_mps = wheels;
+        }
         let memory_s = if self.slips { rules.memory_s * SPIN_PATIENCE } else { rules.memory_s };
         self.inertial_mps += (free - self.offset_mps2) * dt_s;
         let pull = (wheels - self.inertial_mps) * (dt_s / memory_s).min(1.0);

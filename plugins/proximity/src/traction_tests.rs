@@ -79,6 +79,20 @@ fn wheels_that_spin_on_the_spot_are_told_after_the_time_to_settle_and_counted_on
 }
 
 #[test]
+fn wheels_that_are_braked_to_0_for_a_moment_do_not_make_a_vehicle_that_rolls_stand() {
+    let mut traction = Traction::default();
+    drive(&mut traction, 0.0, 1.0, 0.0, |_| rolling(0.0));
+    drive(&mut traction, 1.0, 4.0, 0.0, |t| rolling((t - 1.0).min(0.8)));
+    let braked = |t: f64| Moment { wheels_mps: [if t < 4.1 { 0.0 } else { 0.8 }; 2], ..rolling(0.8) };
+    drive(&mut traction, 4.0, 4.2, 0.0, braked);
+    assert!(traction.inertial_mps > 0.6, "{}", traction.inertial_mps);
+    // Wheels that turn around do, also by way of 0.
+    drive(&mut traction, 4.2, 4.3, 0.0, |_| rolling(0.0));
+    drive(&mut traction, 4.3, 4.4, 0.0, |_| Moment { wheels_mps: [-0.3; 2], ..rolling(0.0) });
+    assert!((traction.inertial_mps + 0.3).abs() < 0.02, "{}", traction.inertial_mps);
+}
+
+#[test]
 fn an_offset_that_was_not_there_at_rest_is_learned_on_the_way_and_wheels_that_spin_are_told_for_seconds() {
     let mut traction = Traction::default();
     drive(&mut traction, 0.0, 1.0, 0.0, |_| rolling(0.0));

@@ -10,8 +10,9 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::rcs::{Bumper, ExampleKind, PlanePoint, SlipReport, TractionState, TrainingExample, WaySlip};
 use rcs_runtime::{Cycle, In, InputRole, PortBuilder};
-use rcs_sense::{Localizer, SLIPPERY, SensorTime, pose_of};
+use rcs_sense::{LastSlip, Localizer, SensorTime, is_slippery, pose_of};
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// The driven wheels touch the ground within this distance ahead of and behind the vehicle frame's origin, m.
 const WHEELS_REACH_M: f64 = 0.2;
@@ -49,7 +50,9 @@ pub(crate) struct Teachers {
     /// Whether the wheels spin or a motor is stalled.
     slips: bool,
     /// Whether the wheels slipped over the last metres.
-    slipped_on: bool,
+    last_slip: LastSlip,
+    /// The ways over the ground of the last seconds, of which slip may yet be told; oldest first.
+    lately: VecDeque<(Stamp, Pose)>,
 }
 
 impl Teachers {
@@ -96,15 +99,16 @@ impl Teachers {
                 map.spin(&place, &wheels, params.slip_gain, rules);
             }
         }
-        // Without a pose no cell can be found; frames report it. A vehicle whose wheels slip is not where odometry says.
-        if !extrinsics.fixed_pose
-            && !self.slips
-            && !self.slipped_on
-            && let Ok(pose) = extrinsics.local_from_vehicle(localizer, cx.now())
-        {
-            let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
-            for map in maps.iter_mut() {
-                map.drive(&pose, &outline, params.driven_gain, rules);
+        // Without a pose no cell can be found; frames report it.
+        let here = extrinsics.local_from_vehicle(localizer, cx.now()).ok().filter(|_| !extrinsics.fixed_pose);
+        let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
+        let driven = self.driven(here, params.driven_delay_s, cx.now());
+        for map in maps.iter_mut() {
+            if let Some(pose) = &here {
+                map.stand(pose);
+            }
+            for pose in &driven {
+                map.drive(pose, &outline, params.driven_gain, rules);
             }
         }
         let differs = |part: std::ops::Range<usize>| {
@@ -112,6 +116,19 @@ impl Teachers {
             maps.any(|(map, before)| map.experienced()[part.clone()] != before[part.clone()])
         };
         [differs(0..1), differs(1..3)]
+    }
+
+    /// Where the vehicle was `delay_s` ago, oldest first, if no slip has been told since: wheels slip for a metre before it is
+    /// told, and a vehicle whose wheels slip is not where odometry says. `here`: where it is now.
+    fn driven(&mut self, here: Option<Pose>, delay_s: f64, now: Stamp) -> Vec<Pose> {
+        if self.slips || self.last_slip.is_on(now) {
+            self.lately.clear();
+        } else {
+            self.lately.extend(here.map(|pose| (now, pose)));
+        }
+        let is_due = |(at, _): &&(Stamp, Pose)| now.seconds_since(*at) >= delay_s;
+        let due = self.lately.iter().take_while(is_due).count();
+        self.lately.drain(..due).map(|(_, pose)| pose).collect()
     }
 
     /// Where wheels have begun to spin, and where they have slipped over some metres, which is told later.
@@ -133,8 +150,8 @@ impl Teachers {
             }
         }
         while let Some(report) = cx.read(&ports.way_slip) {
-            self.slipped_on = report.slip >= *SLIPPERY.start();
-            if SLIPPERY.contains(&report.slip) {
+            self.last_slip.take(&report, cx.now());
+            if is_slippery(&report) {
                 match pose_of(report.middle.as_ref(), extrinsics.frames.local) {
                     Ok(pose) => places.push(pose),
                     Err(error) => cx.fault(format!("way_slip: {error}; skipped")),

@@ -46,11 +46,26 @@ struct Reach {
     cells: usize,
     /// Greatest height of an obstacle of which driving over it tells, mm: what is higher hung over the way.
     height_mm: u32,
+    /// Height of the ground under the vehicle, local frame, mm.
+    vehicle_mm: i32,
 }
 
-/// Of the vehicle, which is about 0.8 m high, and of the operator.
-const OWN: Reach = Reach { cells: usize::MAX, height_mm: 800 };
-const TOLD: Reach = Reach { cells: MARKED_CELLS, height_mm: u32::MAX };
+impl Reach {
+    /// Of the vehicle, which is about 0.8 m high.
+    fn own(local_from_vehicle: &Pose) -> Reach {
+        Reach { cells: usize::MAX, height_mm: 800, vehicle_mm: height_mm(local_from_vehicle) }
+    }
+
+    /// Of an operator, while the vehicle is at this height.
+    fn told(vehicle_mm: i32) -> Reach {
+        Reach { cells: MARKED_CELLS, height_mm: u32::MAX, vehicle_mm }
+    }
+}
+
+/// Height of a vehicle in the local frame, mm.
+fn height_mm(local_from_vehicle: &Pose) -> i32 {
+    (local_from_vehicle.translation.z * 1000.0) as i32
+}
 
 /// Share of obstacle in the experience of ground on which the wheels spin: it costs at most 100 of 250, so that a planner
 /// goes around it where there is another way.
@@ -174,7 +189,7 @@ pub struct TerrainMap {
     pub models: ModelSet,
     /// Cells under the vehicle in the previous update.
     under: Vec<CellIndex>,
-    /// Height of the ground under the vehicle then, local frame, mm.
+    /// Height of the ground under the vehicle, local frame, mm.
     vehicle_mm: i32,
     /// Number of cells driven over, number hit, and number that an operator marked.
     experienced: [u64; 3],
@@ -348,13 +363,17 @@ impl TerrainMap {
         }
     }
 
+    /// Takes the height of the ground under the vehicle, above which the heights of obstacles are measured.
+    pub fn stand(&mut self, local_from_vehicle: &Pose) {
+        self.vehicle_mm = height_mm(local_from_vehicle);
+    }
+
     /// Adds ground to cells that have come under the vehicle since the last call (learning by experience).
     pub fn drive(&mut self, local_from_vehicle: &Pose, outline: &Patch, gain: f64, rules: &ModelRules) {
-        self.vehicle_mm = (local_from_vehicle.translation.z * 1000.0) as i32;
         let under = self.covered(local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
             under.iter().copied().filter(|cell| self.under.binary_search(cell).is_err()).collect();
-        self.experience(&fresh, Experience::Driven, [gain, 1.0], OWN, rules);
+        self.experience(&fresh, Experience::Driven, [gain, 1.0], Reach::own(local_from_vehicle), rules);
         self.experienced[0] += fresh.len() as u64;
         self.under = under;
     }
@@ -370,15 +389,18 @@ impl TerrainMap {
             hit.sort_unstable();
             hit.dedup();
         }
-        self.experience(&hit, Experience::Bumped, [gain; 2], OWN, rules);
+        self.experience(&hit, Experience::Bumped, [gain; 2], Reach::own(local_from_vehicle), rules);
         self.experienced[1] += hit.len() as u64;
     }
 
-    /// Adds ground and obstacles to the cells of a patch on which the wheels have begun to spin.
+    /// Adds ground and obstacles to the cells of a patch on which the wheels have begun to spin; to each cell once, however
+    /// long the vehicle tries to leave it.
     pub fn spin(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
-        let spun = self.covered(local_from_vehicle, patch);
-        self.experience(&spun, Experience::Bumped, [SPUN_SHARE * gain; 2], OWN, rules);
-        self.experience(&spun, Experience::Driven, [(1.0 - SPUN_SHARE) * gain, 0.0], OWN, rules);
+        let mut spun = self.covered(local_from_vehicle, patch);
+        spun.retain(|cell| self.get(*cell).is_none_or(|cell| cell.terrain.bumped == 0));
+        let reach = Reach::own(local_from_vehicle);
+        self.experience(&spun, Experience::Bumped, [SPUN_SHARE * gain; 2], reach, rules);
+        self.experience(&spun, Experience::Driven, [(1.0 - SPUN_SHARE) * gain, 0.0], reach, rules);
         self.experienced[0] += spun.len() as u64;
     }
 
@@ -398,7 +420,7 @@ impl TerrainMap {
         }
         inside.sort_unstable();
         inside.dedup();
-        self.experience(&inside, what, [gain; 2], TOLD, rules);
+        self.experience(&inside, what, [gain; 2], Reach::told(self.vehicle_mm), rules);
         self.experienced[2] += inside.len() as u64;
         inside.len() as u64
     }
@@ -416,7 +438,6 @@ impl TerrainMap {
         let mut signatures = self.models.signatures(&rules.weights);
         let mut counted: BTreeMap<u32, usize> = BTreeMap::new();
         let [gained, overrules] = gains.map(|gain| gain.round() as u64);
-        let vehicle_mm = self.vehicle_mm;
         for &index in cells {
             let Some(slot) = self.cells.get_mut(index) else { continue };
             let cell = Arc::make_mut(slot.get_or_insert_default());
@@ -437,7 +458,7 @@ impl TerrainMap {
                 |is_counted| if what == Experience::Driven && is_counted { overrules } else { 0 };
             let labelled = counted_if(cell.terrain.is_labelled());
             let obstacle = counted_if(cell.terrain.is_obstacle_by_range());
-            let height_mm = if obstacle > 0 { cell.terrain.heights.obstacle_mm(vehicle_mm) } else { 0 };
+            let height_mm = if obstacle > 0 { cell.terrain.heights.obstacle_mm(reach.vehicle_mm) } else { 0 };
             let height_mm = height_mm.min(reach.height_mm);
             let teach = |terrain: &mut Terrain| {
                 let count = match what {

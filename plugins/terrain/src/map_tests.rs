@@ -108,6 +108,7 @@ fn drive(map: &mut TerrainMap, steps: std::ops::Range<i32>) {
     let outline = Patch { x: [-0.35, 0.35], y: [-0.25, 0.25] };
     for step in steps {
         let pose = Pose::from_translation(DVec3::new(0.1 + 0.2 * f64::from(step), 0.1, 0.0));
+        map.stand(&pose);
         map.drive(&pose, &outline, 5.0, &RULES);
         // A vehicle that stays in place adds nothing more.
         let before = map.clone();
@@ -241,8 +242,11 @@ fn ground_on_which_the_wheels_have_spun_is_dear_wherever_it_looks_like_it_and_no
     let [mud, grass] = [0, 4].map(|y| judgement(&map, CellIndex::new(50, y)));
     assert!((35..=100).contains(&mud.cost) && mud.backing == 255, "{mud:?}");
     assert_eq!((grass.cost, grass.backing), (0, 0));
-    for _ in 0..20 {
-        map.spin(&Pose::from_xy_yaw(3.0, 0.1, 0.0), &wheels, 60.0, &RULES);
+    let before = map.clone();
+    map.spin(&Pose::from_xy_yaw(3.0, 0.1, 0.0), &wheels, 60.0, &RULES);
+    assert_eq!(map.models, before.models, "the same cells teach it once");
+    for step in 1..8 {
+        map.spin(&Pose::from_xy_yaw(3.0 + 0.4 * f64::from(step), 0.1, 0.0), &wheels, 60.0, &RULES);
     }
     map.learn(&[(place(59, 2), terrain(7, 10, 30))], &RULES);
     let stone = map.get(CellIndex::new(59, 2)).unwrap();

@@ -71,6 +71,16 @@ pub const ALIKE_POINTS: u64 = 8;
 /// A model is like another one up to this multiple of the distance of a match.
 const LIKE: f32 = 2.0;
 
+/// Mud in another light differs by more from what was driven over. It is like mud, too, where it is this many times as near
+/// to it as to any firm ground that was driven over, up to [`MOST_LIKE`]. Measured on models of a drive among puddles that no
+/// wheel had touched: all 17 of mud and one of 31 of firm ground.
+const NEARER: f32 = 2.0;
+const MOST_LIKE: f32 = 0.3;
+
+/// Ground is slippery from this share of slip on in its experience; that of slip alone has 0.4. Firm ground has some where
+/// a cell is partly mud.
+const SLIPPERY_SHARE: f64 = 0.2;
+
 impl Terrain {
     /// Number of points labelled from range.
     pub fn points(&self) -> u64 {
@@ -91,6 +101,11 @@ impl Terrain {
     /// slipping, say little about ground that looks like it.
     pub fn is_experienced(&self) -> bool {
         self.experience() >= SEEN_CELLS
+    }
+
+    /// Whether much of its experience is slip.
+    fn is_slippery(&self) -> bool {
+        self.bumped as f64 > SLIPPERY_SHARE * self.experience() as f64
     }
 
     /// Forgets its points; its experience and heights stay.
@@ -300,15 +315,20 @@ impl ModelSet {
             let terrain = &self.models[*number].terrain;
             terrain.is_experienced() && terrain.driven > 0
         };
-        let driven: Vec<usize> = (0..self.models.len()).filter(is_driven).collect();
-        let driven_signatures: Vec<Signature> = driven.iter().map(|&number| signatures[number]).collect();
+        let is_slippery = |number: &usize| self.models[*number].terrain.is_slippery();
+        let driven = (0..self.models.len()).filter(is_driven);
+        let (slippery, firm): (Vec<usize>, Vec<usize>) = driven.partition(is_slippery);
+        let [of_slippery, of_firm] =
+            [&slippery, &firm].map(|of| of.iter().map(|&number| signatures[number]).collect::<Vec<_>>());
         let like = |(model, signature): (&Model, &Signature)| {
             let is_unknown_ground =
                 !model.terrain.is_experienced() && 2 * model.terrain.obstacle < model.terrain.points();
-            let (nearest, distance) = signature.best(&driven_signatures).filter(|_| is_unknown_ground)?;
-            let number = driven[nearest];
-            let is_slippery = self.models[number].terrain.bumped > 0;
-            (is_slippery && distance <= LIKE * rules.merge_distance).then_some(number as u32)
+            let (nearest, distance) = signature.best(&of_slippery).filter(|_| is_unknown_ground)?;
+            let from_firm = signature.best(&of_firm).map(|(_, distance)| distance);
+            let is_nearest = from_firm.is_none_or(|firm| distance < firm);
+            let is_like = distance <= LIKE * rules.merge_distance
+                || distance <= MOST_LIKE && from_firm.is_some_and(|firm| NEARER * distance <= firm);
+            (is_nearest && is_like).then(|| slippery[nearest] as u32)
         };
         self.models.iter().zip(&signatures).map(like).collect()
     }

@@ -86,6 +86,27 @@ fn ground_over_which_nothing_has_driven_is_slippery_where_it_is_most_like_ground
 }
 
 #[test]
+fn mud_in_another_light_is_like_mud_where_firm_ground_is_much_less_like_it() {
+    // The squared distance is 2 × (difference of the shares)² again; twice that of a match is 0.2.
+    let mixed = |share: u64, driven: u64, bumped: u64| {
+        let mut terrain = cell(0, share, 0);
+        terrain.merge(&cell(0o11111, 100 - share, 0));
+        Model::new(Terrain { driven, bumped, ..terrain }, 1)
+    };
+    let [mud, firm] = [mixed(0, 36, 24), mixed(100, 60, 0)];
+    let like = |others: &[Model]| {
+        let mut models = others.to_vec();
+        models.extend([37, 41].map(|share| mixed(share, 0, 0)));
+        ModelSet { models, named: 0 }.like_slippery(&RULES)[others.len()..].to_vec()
+    };
+    assert_eq!(like(&[mud.clone(), firm.clone()]), [Some(0), None], "0.27 and 0.34 from mud");
+    assert_eq!(like(&[mud.clone(), mixed(80, 60, 0)]), [None, None], "0.37 from firm ground");
+    assert_eq!(like(std::slice::from_ref(&mud)), [None, None], "no firm ground is known");
+    // Grass of which some cells were partly mud is firm.
+    assert_eq!(like(&[mixed(37, 400, 48), firm]), [None, None]);
+}
+
+#[test]
 fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells() {
     let nothing = Terrain::default();
     let mut model = Model::new(Terrain::default(), 1000);

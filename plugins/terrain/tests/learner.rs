@@ -194,8 +194,9 @@ fn ground_on_which_slip_lasts_is_dear_and_so_is_what_looks_like_it() {
         middle: Some(rcs_sense::pose_message(&Pose::from_xy_yaw(2.1, 0.5, 0.0))),
         ..WaySlip::default()
     };
-    for (value, why) in [(0.2, "as in growth"), (0.9, "it stands, and the local frame moves on")] {
-        bench.write("/operator/way_slip", slip(value));
+    let by_fixes = "by fixes: it stands, and the local frame moves on";
+    for (value, rolled_m, why) in [(0.2, 1.0, "as in growth"), (0.9, 5.0, by_fixes)] {
+        bench.write("/operator/way_slip", WaySlip { rolled_m, ..slip(value) });
         bench.advance(300);
         assert_eq!((cost(&bench, 2.1, 0.5), cost(&bench, 1.3, 0.3)), (0.0, 0.0), "{why}");
     }
@@ -211,18 +212,26 @@ fn ground_on_which_slip_lasts_is_dear_and_so_is_what_looks_like_it() {
 }
 
 #[test]
-fn while_the_wheels_slip_driving_teaches_nothing() {
-    let moving = STACK.replace("pose = { source = \"POSE_FIXED\" }\n", "");
+fn driving_teaches_after_a_while_and_not_where_slip_has_been_told_by_then() {
+    let moving = STACK.replace("pose = { source = \"POSE_FIXED\" }\n", "driven_delay_s = 0.15\n");
     let mut bench = Setup::new(&moving, PROCESSES).bench();
+    let under = |bench: &Bench| [0.0, 2.0, 4.0, 6.0, 8.0].map(|x| cost(bench, x, 0.1));
     for (step, slip) in [0.0, 0.1, 0.9, 0.9, 0.1].into_iter().enumerate() {
         let pose = Some(rcs_sense::pose_message(&Pose::from_xy_yaw(2.0 * step as f64, 0.0, 0.0)));
-        bench.write("/operator/way_slip", WaySlip { slip, middle: pose, ..WaySlip::default() });
+        // By position fixes, whose slip of 0.9 teaches nothing of the ground.
+        bench
+            .write("/operator/way_slip", WaySlip { slip, rolled_m: 5.0, middle: pose, ..WaySlip::default() });
         let frame_id = "local".to_owned();
         bench.write("/operator/odometry", Odometry { frame_id, pose, ..Odometry::default() });
         bench.advance(100);
     }
-    let under = [0.0, 2.0, 4.0, 6.0, 8.0].map(|x| cost(&bench, x, 0.1));
-    assert_eq!(under, [0.0, 0.0, 255.0, 255.0, 0.0]);
+    assert_eq!(
+        under(&bench),
+        [0.0, 255.0, 255.0, 255.0, 255.0],
+        "slip was told 0.1 s after the second place"
+    );
+    bench.advance(200);
+    assert_eq!(under(&bench), [0.0, 255.0, 255.0, 255.0, 0.0]);
 }
 
 #[test]

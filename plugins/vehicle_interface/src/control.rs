@@ -173,7 +173,9 @@ impl Ramps {
         let half = (turn_radps * track_m / 2.0).clamp(-limit_mps, limit_mps);
         let room = limit_mps - half.abs();
         let speed = self.speed_mps.clamp(-room, room);
-        Wheels { left_mps: speed - half, right_mps: speed + half, curvature_per_m: 0.0 }
+        // The sums are rounded, and a vehicle refuses a wheel that is faster than its limit.
+        let wheel = |speed_mps: f64| speed_mps.clamp(-limit_mps, limit_mps);
+        Wheels { left_mps: wheel(speed - half), right_mps: wheel(speed + half), curvature_per_m: 0.0 }
     }
 
     fn steered(&mut self, aim: Aim, drive: &Drive) -> Wheels {
@@ -250,6 +252,21 @@ mod tests {
         assert!((run(&mut ramps, slower, &DIFFERENTIAL, 10).left_mps - 0.6).abs() < 1e-9);
         assert!((run(&mut ramps, Aim::Stop, &DIFFERENTIAL, 5).left_mps - 0.2).abs() < 1e-9);
         assert_eq!(run(&mut ramps, Aim::Stop, &DIFFERENTIAL, 5).left_mps, 0.0);
+    }
+
+    #[test]
+    fn no_wheel_is_faster_than_its_limit_by_rounding() {
+        for limit_mps in [1.5, 1.8] {
+            for step in 0..1000 {
+                let (speed_mps, yaw_rate_radps) = (limit_mps, 0.003 * f64::from(step));
+                let ramps = Ramps { speed_mps, yaw_rate_radps, ..Ramps::default() };
+                let Wheels { left_mps, right_mps, .. } = ramps.differential(0.0, 0.6, limit_mps);
+                assert!(
+                    left_mps.abs().max(right_mps) <= limit_mps,
+                    "{yaw_rate_radps}: {left_mps}, {right_mps}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::slips;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::rcs::PlanState;
 use rcs_runtime::Cycle;
-use rcs_sense::{SLIPPERY, pose_of};
+use rcs_sense::{is_slippery, pose_of};
 
 /// Time after which it is believed that there is no way on the near map to where the far path leads, s.
 const NO_WAY_S: f64 = 1.0;
@@ -65,7 +65,7 @@ impl WaypointGenerator {
             match pose_of(report.middle.as_ref(), &params.local_frame) {
                 Ok(middle) => {
                     self.gripped.take(&report, middle.translation.truncate());
-                    if !SLIPPERY.contains(&report.slip) {
+                    if !is_slippery(&report) {
                         continue;
                     }
                     let Some((global_from_local, _)) = self.global_from_local else { continue };

@@ -94,20 +94,23 @@ fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
 }
 
 #[test]
-fn a_slip_of_a_half_is_shaken_off_once_and_not_again_for_twelve_seconds() {
+fn a_slip_of_a_half_is_driven_on_with_and_more_is_shaken_off_once_and_not_again_for_twelve_seconds() {
     let mut bench = start(&FILES);
-    let slip_at = |bench: &mut Bench, pose: &Pose, count: usize| {
+    let slips_at = |bench: &mut Bench, pose: &Pose, slip: f64, count: usize| {
         for _ in 0..count {
-            bench.write("/operator/slip", rcs::SlipReport { slip: 0.5, ..rcs::SlipReport::default() });
+            bench.write("/operator/slip", rcs::SlipReport { slip, ..rcs::SlipReport::default() });
             cycle_at(bench, pose, free, 1);
         }
     };
     cycle(&mut bench, 0.0, 0.0, free, 12);
+    slips_at(&mut bench, &Pose::IDENTITY, 0.5, 30);
+    assert_eq!(mode(&bench).0, "", "it gets on: {}", story(&bench));
+    let slip_at = |bench: &mut Bench, pose: &Pose, count: usize| slips_at(bench, pose, 0.65, count);
     slip_at(&mut bench, &Pose::IDENTITY, 15);
     assert_eq!(mode(&bench).0, "", "for less than 0.8 s: {}", story(&bench));
     slip_at(&mut bench, &Pose::IDENTITY, 5);
     let event: ModeEvent = bench.latest("/follower/modes");
-    assert!(event.to == "SLIPPING" && event.reason.starts_with("slip is 0.50"), "{event:?}");
+    assert!(event.to == "SLIPPING" && event.reason.starts_with("slip is 0.65"), "{event:?}");
     assert!(event.barred.is_some_and(|barred| barred.slipped && barred.radius_m == 2.0), "{event:?}");
     assert!(drive(&bench).0 < -0.3, "{}", story(&bench));
     // It has moved by more than a metre. Then it gets on with the same slip, beside the place that is barred.
