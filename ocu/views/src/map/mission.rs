@@ -79,7 +79,8 @@ fn begin(frame: &Frame, map: &str, buffer: &str) -> Result<Draft, String> {
 
 /// Why no mission can be drawn on a map; `None` if one can be drawn.
 pub(super) fn refusal(frame: &Frame, map: &str, buffer: &str) -> Option<String> {
-    begin(frame, map, buffer).err()
+    // The toolbar asks in every pass: no draft is made for it.
+    sending_frame(frame, map).err().or_else(|| sent_bounds(frame, map, buffer).err())
 }
 
 /// The mission that a vehicle obeys, and the pose of its frame in that of the map; the error says why it cannot be placed. A
