@@ -27,6 +27,7 @@ motors = "/operator/motors"
 encoders = "/operator/encoders"
 imu = "/operator/imu"
 odometry = "/operator/odometry"
+way_slip = "/operator/way_slip"
 static_transforms = "/operator/static_transforms"
 "#;
 
@@ -127,6 +128,23 @@ fn a_bumper_hit_goes_out_at_once_as_cost_250_before_the_bumper() {
     assert_eq!(cost_at(&grid, "cost.bumper", 3.85, 4.1), 250.0);
     assert_eq!(cost_at(&grid, "cost.bumper", 3.3, 4.1), 0.0);
     assert_eq!(cost_at(&grid, "cost.bumper", 3.85, 3.5), 255.0);
+}
+
+#[test]
+fn what_is_under_a_vehicle_whose_wheels_have_slipped_over_the_last_metre_is_not_called_free() {
+    let mut bench = Bench::placed();
+    let mut under = |slip: f64| {
+        let middle = Some(pose_message(&Pose::from_translation(DVec3::new(3.0, 4.0, 0.0))));
+        let report = rcs::WaySlip { slip, rolled_m: 1.0, middle, ..Default::default() };
+        bench.write("/operator/way_slip", report);
+        bench.odometry();
+        bench.cycle();
+        bench.write("/operator/bumper", rcs::Bumper::default());
+        bench.odometry();
+        bench.cycle();
+        cost_at(&bench.latest("/proximity/bumper_cost"), "cost.bumper", 3.3, 4.1)
+    };
+    assert_eq!([0.1, 0.5, 0.9, 0.1].map(&mut under), [0.0, 255.0, 255.0, 0.0]);
 }
 
 #[test]
