@@ -11,11 +11,14 @@ pub const TIMES: &[(&str, &str)] = &[
     ("sequence", "Number of the message in its buffer, from 1: a gap is a message that was not recorded."),
 ];
 
+/// Key of the metadata of a channel that this program records: who writes it.
+pub const WRITER: &str = "rcs.writer";
+
 /// Keys of the metadata of a channel.
 pub const METADATA: &[(&str, &str)] = &[
     ("rcs.role", "What the messages are for. Views choose what to draw by it."),
     (
-        "rcs.writer",
+        WRITER,
         "Who writes the buffer: processes in the order of the stack, `log`, `operator` or `runtime`, separated by commas.",
     ),
     ("rcs.overlay_of", "Topic of the images on which these lie, pixel for pixel."),

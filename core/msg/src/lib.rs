@@ -38,6 +38,7 @@ mod definition;
 mod delta;
 mod descriptors;
 mod edit;
+mod fix;
 pub mod guard;
 mod header;
 pub mod image;

@@ -1,5 +1,6 @@
 //! Converts messages of a log to the types of buffers, and finds when they were acquired.
 
+use rcs_msg::channel::WRITER;
 use rcs_msg::foxglove::CompressedImage;
 use rcs_msg::{AnyMessage, Schema, Stamp, header_stamp};
 use std::collections::BTreeMap;
@@ -37,7 +38,7 @@ fn stated(time: Stamp) -> Option<Stamp> {
 /// Whether the messages of a channel have the time of acquisition as their time of publication, whatever is in them: this
 /// program has recorded it.
 pub fn states_acquisition(metadata: &BTreeMap<String, String>) -> bool {
-    metadata.contains_key("rcs.writer")
+    metadata.contains_key(WRITER)
 }
 
 /// A log's message converted to the type of a buffer; `None` if it does not decode.

@@ -9,6 +9,7 @@ use rcs_log::{
     WriterOptions,
 };
 use rcs_msg::Stamp;
+use rcs_msg::channel::WRITER;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -151,7 +152,7 @@ impl Recording {
     ) -> Result<rcs_bus::Tap, RunError> {
         let spec = buffer.spec();
         let mut metadata = spec.metadata.clone();
-        metadata.insert("rcs.writer".to_owned(), writer);
+        metadata.insert(WRITER.to_owned(), writer);
         let channel = handle.add_channel_with(&spec.name, &spec.schema, metadata, plan.codec)?;
         let least_ns = plan.record_hz.map(|hz| (1e9 / hz) as u64);
         let mut due = Stamp(0);

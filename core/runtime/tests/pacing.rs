@@ -20,6 +20,8 @@ struct Busy {
     cost: f64,
     info: Arc<SourceInfo>,
     written: Written,
+    /// Pieces of background work that are left to be done once it plays.
+    left: Arc<Mutex<u32>>,
 }
 
 impl Busy {
@@ -34,7 +36,14 @@ impl Busy {
             problems: Vec::new(),
             gaps: Vec::new(),
         };
-        (Self { now: Stamp(0), cost, info: Arc::new(info), written: Arc::clone(&written) }, written)
+        let source = Self {
+            now: Stamp(0),
+            cost,
+            info: Arc::new(info),
+            written: Arc::clone(&written),
+            left: Arc::default(),
+        };
+        (source, written)
     }
 }
 
@@ -65,6 +74,17 @@ impl Source for Busy {
         let x = message.get::<foxglove::Vector3>().map_or(f64::NAN, |vector| vector.x);
         self.written.lock().unwrap().push((buffer.to_owned(), self.now, x));
         Ok(())
+    }
+
+    fn idle(&mut self) -> bool {
+        let mut left = self.left.lock().unwrap();
+        if *left > 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        if self.now > Stamp(0) {
+            *left = left.saturating_sub(1);
+        }
+        *left > 0
     }
 }
 
@@ -111,53 +131,11 @@ fn as_fast_as_it_goes_leaves_the_clock_behind() {
     assert_eq!(fast.playback.lag_s, 0.0);
 }
 
-/// A source with pieces of background work.
-struct Reading {
-    busy: Busy,
-    /// Pieces that are left to be done once it plays.
-    left: Arc<Mutex<u32>>,
-}
-
-impl Source for Reading {
-    fn info(&self) -> Arc<SourceInfo> {
-        self.busy.info()
-    }
-
-    fn now(&self) -> Stamp {
-        self.busy.now
-    }
-
-    fn frame(&mut self) -> Frame {
-        self.busy.frame()
-    }
-
-    fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {
-        self.busy.seek(to, task)
-    }
-
-    fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError> {
-        self.busy.step(step, task)
-    }
-
-    fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
-        self.busy.write(buffer, message)
-    }
-
-    fn idle(&mut self) -> bool {
-        std::thread::sleep(Duration::from_millis(1));
-        let mut left = self.left.lock().unwrap();
-        if self.busy.now > Stamp(0) {
-            *left = left.saturating_sub(1);
-        }
-        *left > 0
-    }
-}
-
 #[test]
 fn background_work_goes_on_while_it_plays() {
-    let (busy, _) = Busy::new(0.01);
-    let left = Arc::new(Mutex::new(20));
-    let source = Reading { busy, left: Arc::clone(&left) };
+    let (source, _) = Busy::new(0.01);
+    let left = Arc::clone(&source.left);
+    *left.lock().unwrap() = 20;
     let driver = Driver::spawn(Box::new(source), || {}).unwrap();
     driver.send(Control::Play);
     let frame = wait(&driver, "the work", |_| *left.lock().unwrap() == 0);

@@ -12,6 +12,7 @@ use crate::cli::LatencyArgs;
 use crate::table::{Align, Table};
 use anyhow::Context as _;
 use rcs_log::{CursorOptions, Log, LogMessage, LogTopic, TopicId};
+use rcs_msg::channel::WRITER;
 use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
 use rcs_runtime::{acquisition_time, states_acquisition};
 use serde::Serialize;
@@ -157,7 +158,7 @@ impl Ages {
         if writers.len() > 1 {
             self.waiting.push(Waiting { buffer, log_ns, acq_ns });
         } else {
-            let named = topic.metadata.get("rcs.writer").cloned().unwrap_or_default();
+            let named = topic.metadata.get(WRITER).cloned().unwrap_or_default();
             let writer = writers.into_iter().next().map_or(named, str::to_owned);
             self.count(buffer, writer, log_ns, acq_ns);
         }

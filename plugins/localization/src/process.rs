@@ -407,7 +407,7 @@ impl Localization {
 
     fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams, now: Stamp) -> Result<(), String> {
         let Some(attitude) = &self.attitude else { return Ok(()) };
-        if fix.metadata.iter().any(|pair| pair.key == "status" && is_without_fix(&pair.value)) {
+        if fix.is_without_position() {
             return Err("the receiver has no position fix".to_owned());
         }
         // A fix is compared with where the vehicle is now.
@@ -530,12 +530,6 @@ impl Localization {
         };
         cx.write(&ports.transforms, time, FrameTransforms { transforms: vec![transform] });
     }
-}
-
-/// Whether the `status` in the metadata of a position fix says that there is none. By ROS's `NavSatStatus` a fix is valid
-/// from 0 on; -1 is none, and -2 unknown.
-fn is_without_fix(status: &str) -> bool {
-    status.parse::<i32>().is_ok_and(|status| status < 0)
 }
 
 fn way_slip(slipped: &Slipped, time: Stamp) -> rcs::WaySlip {

@@ -16,17 +16,19 @@ pub struct Barred {
     pub radius_m: f64,
     /// Whether the wheels slipped there.
     pub slipped: bool,
+    /// Where the vehicle stood when it barred it, if this run has.
+    pub stood: Option<(f64, f64)>,
 }
 
 impl From<&BarredPlace> for Barred {
     fn from(place: &BarredPlace) -> Barred {
-        Barred { at: (place.x_m, place.y_m), radius_m: place.radius_m, slipped: place.slipped }
+        Barred { at: (place.x_m, place.y_m), radius_m: place.radius_m, slipped: place.slipped, stood: None }
     }
 }
 
 impl From<Barred> for BarredPlace {
     fn from(barred: Barred) -> BarredPlace {
-        let Barred { at: (x_m, y_m), radius_m, slipped } = barred;
+        let Barred { at: (x_m, y_m), radius_m, slipped, stood: _ } = barred;
         BarredPlace { x_m, y_m, radius_m, slipped }
     }
 }
@@ -44,7 +46,7 @@ impl Barred {
     pub fn ahead(vehicle: &Pose, radius_m: f64) -> Barred {
         let ahead = vehicle.rotate(rcs_geom::DVec3::X).truncate().normalize_or_zero();
         let at = vehicle.translation.truncate() + ahead * (BEFORE_M + radius_m);
-        Barred { at: (at.x, at.y), radius_m, slipped: true }
+        Barred { at: (at.x, at.y), radius_m, slipped: true, stood: None }
     }
 }
 
@@ -54,30 +56,39 @@ const GROWTH: f64 = 1.5;
 const LARGEST_M: f64 = 9.0;
 /// Places that are this near to each other are one obstacle, m: the vehicle tried to get past the first one there.
 const BESIDE_M: f64 = 1.0;
+/// A vehicle that has moved less than this still stands in the same spot, m: wheels that go on slipping there do not tell
+/// how far the slippery ground reaches.
+const SAME_SPOT_M: f64 = 2.0;
+
+/// Whether the vehicle, here in m, stands where it stood when it barred a place because its wheels slipped.
+fn is_same_spot(place: &Barred, vehicle: DVec2) -> bool {
+    place.slipped && place.stood.is_some_and(|stood| vehicle.distance(DVec2::from(stood)) < SAME_SPOT_M)
+}
 
 /// A place to bar, given the vehicle's position, m, and the places that are barred. Beside one of those, of the same kind,
-/// it is larger than that one, on the same side of the vehicle: ground on which the wheels slip again reaches farther than
-/// was thought.
+/// it is larger than that one, on the same side of the vehicle: ground on which the wheels slip again, elsewhere, reaches
+/// farther than was thought.
 pub fn grown(place: Barred, vehicle: DVec2, before: &[Barred]) -> Barred {
     let at = DVec2::from(place.at);
     let is_beside = |other: &&Barred| {
         let away_m = at.distance(DVec2::from(other.at));
-        other.slipped == place.slipped && away_m <= place.radius_m + other.radius_m + BESIDE_M
+        let is_near = away_m <= place.radius_m + other.radius_m + BESIDE_M;
+        other.slipped == place.slipped && is_near && !is_same_spot(other, vehicle)
     };
     let largest_m = before.iter().filter(is_beside).map(|other| other.radius_m * GROWTH).fold(0.0, f64::max);
     let radius_m = largest_m.min(LARGEST_M).max(place.radius_m);
     let away = (at - vehicle).normalize_or_zero();
     let at = at + away * (radius_m - place.radius_m);
-    Barred { at: (at.x, at.y), radius_m, ..place }
+    Barred { at: (at.x, at.y), radius_m, stood: Some(vehicle.into()), ..place }
 }
 
-/// Whether a place lies within one of its kind that has grown as large as places grow: barring it changes
-/// nothing.
-pub fn is_covered(place: &Barred, before: &[Barred]) -> bool {
+/// Whether barring a place changes nothing, given the vehicle's position, m: it lies within one of its kind that has grown
+/// as large as places grow, or that was barred from the same spot.
+pub fn is_covered(place: &Barred, vehicle: DVec2, before: &[Barred]) -> bool {
     let at = DVec2::from(place.at);
     let covers = |other: &Barred| {
-        let is_largest = other.slipped == place.slipped && other.radius_m >= LARGEST_M;
-        is_largest && at.distance(DVec2::from(other.at)) <= other.radius_m
+        let is_final = other.radius_m >= LARGEST_M || is_same_spot(other, vehicle);
+        other.slipped == place.slipped && is_final && at.distance(DVec2::from(other.at)) <= other.radius_m
     };
     before.iter().any(covers)
 }
@@ -121,23 +132,48 @@ mod tests {
 
     #[test]
     fn a_place_beside_an_earlier_one_is_larger_and_the_vehicle_stays_outside_of_it() {
-        let place = |x: f64, y: f64, radius_m: f64| Barred { at: (x, y), radius_m, slipped: true };
+        let place = |x: f64, y: f64, radius_m: f64| Barred {
+            at: (x, y),
+            radius_m,
+            slipped: true,
+            stood: Some((-3.0, 0.0)),
+        };
         let vehicle = DVec2::ZERO;
+        let extent = |barred: Barred| (barred.at, barred.radius_m);
         let first = place(2.5, 0.0, 2.0);
-        assert_eq!(grown(first, vehicle, &[]), first);
-        assert_eq!(grown(first, vehicle, &[place(2.5, 8.0, 2.0)]), first, "another place");
+        assert_eq!(grown(first, vehicle, &[]), Barred { stood: Some((0.0, 0.0)), ..first });
+        assert_eq!(extent(grown(first, vehicle, &[place(2.5, 8.0, 2.0)])), extent(first), "another place");
         let other_kind = Barred { slipped: false, ..place(2.5, 3.0, 2.0) };
-        assert_eq!(grown(first, vehicle, &[other_kind]), first, "nothing slipped there");
+        assert_eq!(extent(grown(first, vehicle, &[other_kind])), extent(first), "nothing slipped there");
         let second = grown(first, vehicle, &[place(2.5, 3.0, 2.0)]);
-        assert_eq!(second, place(3.5, 0.0, 3.0));
+        assert_eq!(extent(second), ((3.5, 0.0), 3.0));
+        // That of an earlier run, too.
+        let of_before = Barred { stood: None, ..place(2.5, 3.0, 2.0) };
+        assert_eq!(grown(first, vehicle, &[of_before]), second);
         let mut places = vec![place(2.5, 3.0, 2.0)];
         for _ in 0..20 {
-            places.push(grown(first, vehicle, &places));
+            let last = grown(first, vehicle, &places);
+            places.push(Barred { stood: Some((-3.0, 0.0)), ..last });
         }
         let last = places[places.len() - 1];
         assert_eq!(last.radius_m, LARGEST_M);
         assert!((DVec2::from(last.at).length() - LARGEST_M - BEFORE_M).abs() < 1e-9);
-        assert!(is_covered(&first, &places) && !is_covered(&first, &places[..1]));
-        assert!(!is_covered(&other_kind, &places) && !is_covered(&place(-1.0, 0.0, 2.0), &places));
+        assert!(is_covered(&first, vehicle, &places) && !is_covered(&first, vehicle, &places[..1]));
+        assert!(!is_covered(&other_kind, vehicle, &places));
+        assert!(!is_covered(&place(-1.0, 0.0, 2.0), vehicle, &places));
+    }
+
+    #[test]
+    fn wheels_that_go_on_slipping_in_one_spot_do_not_enlarge_the_place() {
+        let vehicle = DVec2::ZERO;
+        let place = |x: f64, y: f64| Barred { at: (x, y), radius_m: 2.0, slipped: true, stood: None };
+        let before = [grown(place(2.5, 0.0), vehicle, &[])];
+        let moved = DVec2::new(-0.9, 0.3);
+        assert!(is_covered(&place(1.6, 0.3), moved, &before), "it is barred already");
+        assert!(!is_covered(&place(-0.9, 2.8), moved, &before), "beside it the vehicle slips, too");
+        assert_eq!(grown(place(-0.9, 2.8), moved, &before).radius_m, 2.0);
+        let elsewhere = DVec2::new(0.0, 2.5);
+        assert!(!is_covered(&place(2.5, 1.0), elsewhere, &before));
+        assert_eq!(grown(place(2.5, 1.0), elsewhere, &before).radius_m, 3.0);
     }
 }

@@ -383,9 +383,9 @@ impl WaypointFollower {
         turning_point(&waypoints, position, params.turning_tolerance_m, range)
     }
 
-    /// The place that a mode bars when it begins; never the goal.
+    /// The place that a mode bars when it begins; never the goal, nor what lies ahead of a vehicle that drives back.
     fn barred(&self, params: &WaypointFollowerParams, vehicle: &Pose, mode: &Mode) -> Option<BarredPlace> {
-        if mode.bars_m <= 0.0 {
+        if mode.bars_m <= 0.0 || (mode.bars == Bars::Ahead && self.watch.backs()) {
             return None;
         }
         let at = match mode.bars {

@@ -33,6 +33,8 @@ pub(crate) struct Watch {
     /// Where the mode began or ended last, m, and when.
     began: (f64, f64),
     changed: Option<Stamp>,
+    /// Whether the vehicle is told to drive back.
+    backs: bool,
 }
 
 impl Watch {
@@ -63,6 +65,7 @@ impl Watch {
 
     /// What the vehicle is told to do from now on, m/s and rad/s.
     pub(crate) fn take_order(&mut self, [speed_mps, yaw_rate_radps]: [f64; 2], position: DVec2, now: Stamp) {
+        self.backs = speed_mps < 0.0;
         let left = self.stayed.is_none_or(|(place, _)| position.distance(DVec2::from(place)) > STAYED_M);
         if speed_mps == 0.0 && yaw_rate_radps == 0.0 {
             self.stayed = None;
@@ -75,6 +78,11 @@ impl Watch {
         } else if moved {
             self.still = Some(((position.x, position.y), now));
         }
+    }
+
+    /// Whether the vehicle was told last to drive back.
+    pub(crate) fn backs(&self) -> bool {
+        self.backs
     }
 
     /// A mode begins or ends here.

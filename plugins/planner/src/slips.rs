@@ -3,7 +3,7 @@
 //! How slippery ground is cannot be seen, so the next run would drive onto it as this one did. A place is remembered where
 //! the vehicle was stopped by it: a mode that begins with slip barred it, or images or position fixes told that the wheels
 //! turned on the spot. It is barred in the next run, too: at a price, so that it can be driven over where there is no
-//! other way. It is forgotten by a run that has driven over it.
+//! other way. It is forgotten by a run that has driven over it without slip.
 
 use crate::barred::Barred;
 use crate::proto::{SlipMemory, SlipPlace};
@@ -93,7 +93,7 @@ pub fn in_global(slips: &SlipMemory, origin: &Utm) -> Result<Vec<Barred>, SlipsE
     }
     let global = |place: &SlipPlace| {
         let at = origin.offset_to(place.easting_m, place.northing_m).into();
-        Barred { at, radius_m: place.radius_m, slipped: true }
+        Barred { at, radius_m: place.radius_m, slipped: true, stood: None }
     };
     let places: Vec<Barred> = slips.places.iter().map(global).collect();
     let mut each = std::iter::zip(&slips.places, &places);
@@ -110,15 +110,21 @@ const BESIDE_M: f64 = 1.5;
 /// Where it begins and ends is kept.
 pub fn leave_out(route: &mut Vec<DVec2>, slippery: &[(f64, f64)]) {
     let last = route.len().saturating_sub(1);
-    let slipped = |at: DVec2| slippery.iter().any(|&place| at.distance(DVec2::from(place)) < BESIDE_M);
     let mut index = 0..;
-    route.retain(|&at| index.next().is_some_and(|index| index == 0 || index == last) || !slipped(at));
+    let is_end = |index: usize| index == 0 || index == last;
+    route.retain(|&at| index.next().is_some_and(is_end) || !has_slipped(at, slippery));
 }
 
-/// Whether a track leads over a place, both in one frame, m.
-pub fn was_driven_over(place: &Barred, track: &[(f64, f64)]) -> bool {
+/// Whether the wheels slipped over some metres where a point of a track lies, m.
+fn has_slipped(at: DVec2, slippery: &[(f64, f64)]) -> bool {
+    slippery.iter().any(|&place| at.distance(DVec2::from(place)) < BESIDE_M)
+}
+
+/// Whether a track leads over a place where the wheels did not slip, all in one frame, m.
+pub fn was_driven_over(place: &Barred, track: &[(f64, f64)], slippery: &[(f64, f64)]) -> bool {
     let at = DVec2::from(place.at);
-    track.iter().any(|&driven| DVec2::from(driven).distance(at) < INNER * place.radius_m)
+    let is_inside = |driven: &DVec2| driven.distance(at) < INNER * place.radius_m;
+    track.iter().copied().map(DVec2::from).filter(is_inside).any(|driven| !has_slipped(driven, slippery))
 }
 
 #[cfg(test)]
@@ -130,7 +136,7 @@ mod tests {
     }
 
     fn place(at: (f64, f64), radius_m: f64) -> Barred {
-        Barred { at, radius_m, slipped: true }
+        Barred { at, radius_m, slipped: true, stood: None }
     }
 
     fn places() -> [Barred; 2] {
@@ -177,10 +183,16 @@ mod tests {
     }
 
     #[test]
-    fn a_track_past_a_place_does_not_lead_over_it() {
+    fn a_track_past_a_place_or_over_it_with_slip_does_not_clear_it() {
         let track = |y: f64| -> Vec<(f64, f64)> { (0..40).map(|x| (f64::from(x) / 2.0, y)).collect() };
         let [place, _] = places();
-        assert!(was_driven_over(&place, &track(-2.5)));
-        assert!(!was_driven_over(&place, &track(-1.5)), "at its border, as the vehicle stands when it slips");
+        assert!(was_driven_over(&place, &track(-2.5), &[]));
+        assert!(
+            !was_driven_over(&place, &track(-1.5), &[]),
+            "at its border, as the vehicle stands when it slips"
+        );
+        let slippery = [(11.5, -2.5), (12.5, -2.5), (13.5, -2.5)];
+        assert!(!was_driven_over(&place, &track(-2.5), &slippery), "crossed with slip");
+        assert!(was_driven_over(&place, &track(-2.5), &[(5.0, -2.5)]), "the wheels slipped elsewhere");
     }
 }

@@ -285,7 +285,8 @@ fn an_obstacle_that_was_seen_from_far_alone_costs_but_does_not_block() {
 #[test]
 fn a_barred_place_has_the_greatest_cost_but_can_be_driven_if_it_is_the_only_way() {
     let sensed = with_obstacle(1.0, 0.0);
-    let costs = costs_with_barred(&sensed, &[Barred { at: (0.0, 0.0), radius_m: 0.5, slipped: false }]);
+    let costs =
+        costs_with_barred(&sensed, &[Barred { at: (0.0, 0.0), radius_m: 0.5, slipped: false, stood: None }]);
     let cost = |x_m| costs.get(at(x_m, 0.0)).unwrap();
     assert_eq!([cost(0.0), cost(-0.8)], [MAX_COST; 2], "within its radius and the least room");
     assert_eq!(cost(-1.2), 10);
@@ -303,7 +304,7 @@ fn a_firm_path_through_a_place_where_the_wheels_slipped_is_cheaper_than_the_mud_
             sensed.fused[index] = if sensed.centre(place).y > 0.0 { 120 } else { 0 };
         }
     }
-    let slipped = Barred { at: (0.0, 0.0), radius_m: 2.0, slipped: true };
+    let slipped = Barred { at: (0.0, 0.0), radius_m: 2.0, slipped: true, stood: None };
     let costs = costs_with_barred(&sensed, &[slipped]);
     let cost = |y_m| costs.get(at(0.0, y_m)).unwrap();
     assert_eq!(cost(-1.0), 40, "firm: four times as dear");

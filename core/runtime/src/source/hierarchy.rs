@@ -3,12 +3,13 @@
 //! writers that its channels name.
 
 use super::frame::Topic;
+use rcs_msg::channel::WRITER;
 use rcs_msg::rcs::ProcessInfo;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Keys of a channel that name its writer, in logs of other programs.
-pub(super) const WRITER_KEYS: [&str; 4] = ["rcs.writer", "callerid", "node", "publisher"];
+pub(super) const WRITER_KEYS: [&str; 4] = [WRITER, "callerid", "node", "publisher"];
 
 /// A buffer as the hierarchy needs it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

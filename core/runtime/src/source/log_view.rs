@@ -17,6 +17,7 @@ use rcs_geom::TransformTree;
 use rcs_log::{
     Cursor, CursorOptions, Log, LogMessage, LogTopic, MessagePosition, Reassembled, Reassembly, TopicId,
 };
+use rcs_msg::channel::WRITER;
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -30,7 +31,6 @@ const FIRST_IMAGE_NS: u64 = 1_000_000_000;
 /// A longer jump looks up all topics instead of reading everything in between.
 const JUMP_NS: u64 = 2_000_000_000;
 /// Key of a channel's metadata: the process that writes it.
-const WRITER: &str = "rcs.writer";
 /// Greatest duration of one piece of background work.
 const PIECE: Duration = Duration::from_millis(8);
 /// Time between two looks at what another thread has read.

@@ -131,7 +131,7 @@ impl<'a> Place<'a> {
             local(&stamped.frame_id, &stamped.pose)
         } else {
             let fix = message.get::<foxglove::LocationFix>()?;
-            if fix.metadata.iter().any(|pair| pair.key == "status" && is_without_fix(&pair.value)) {
+            if fix.is_without_position() {
                 return None;
             }
             let place = Geodetic::new(fix.latitude, fix.longitude, fix.altitude).ok()?;
@@ -293,12 +293,6 @@ impl Tracks {
     pub(crate) fn clock(&self) -> TransformClock {
         if self.clock.is_empty() { self.implied_clock.clone() } else { self.clock.clone() }
     }
-}
-
-/// Whether the `status` in the metadata of a position fix says that there is none. By `sensor_msgs/NavSatStatus` a fix is
-/// valid from 0 on; -1 is none, and -2 unknown.
-fn is_without_fix(status: &str) -> bool {
-    status.parse::<i32>().is_ok_and(|status| status < 0)
 }
 
 /// The time with which a transform counts.

@@ -86,12 +86,19 @@ impl WaypointGenerator {
         let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
         let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
         let place = Barred { at: (at.x, at.y), ..Barred::from(place) };
-        if is_covered(&place, &self.barred) {
-            return;
+        if self.bar(place, vehicle) {
+            // The planners are told with the goal.
+            self.is_to_tell = true;
         }
-        self.barred.push(grown(place, vehicle, &self.barred));
-        // The planners are told with the goal.
-        self.is_to_tell = true;
+    }
+
+    /// Bars a place, given the vehicle's position, both in the global frame, m; `false` if that changes nothing.
+    fn bar(&mut self, place: Barred, vehicle: DVec2) -> bool {
+        let is_new = !is_covered(&place, vehicle, &self.barred);
+        if is_new {
+            self.barred.push(grown(place, vehicle, &self.barred));
+        }
+        is_new
     }
 
     /// Takes a jump of the local frame that follows from wheels that turned on the spot for what it is. Where
@@ -120,7 +127,7 @@ impl WaypointGenerator {
         if params.slide_bars_m > 0.0 {
             let vehicle = Pose::from_xy_yaw(at.x, at.y, self.yaw_rad);
             let place = Barred::ahead(&vehicle, params.slide_bars_m);
-            self.barred.push(grown(place, at, &self.barred));
+            self.bar(place, at);
         }
     }
 
@@ -138,7 +145,7 @@ impl WaypointGenerator {
             let at = *global_from_route * DVec2::from(place.at).extend(0.0);
             place.at = (at.x, at.y);
         }
-        places.retain(|place| !slips::was_driven_over(place, &self.track));
+        places.retain(|place| !slips::was_driven_over(place, &self.track, &self.slippery));
         Ok(places)
     }
 

@@ -93,15 +93,17 @@ fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
     assert!(drives.len() >= 3, "{drives:?}");
 }
 
+/// Stands here with this slip for some cycles.
+fn slips_at(bench: &mut Bench, pose: &Pose, slip: f64, count: usize) {
+    for _ in 0..count {
+        bench.write("/operator/slip", rcs::SlipReport { slip, ..rcs::SlipReport::default() });
+        cycle_at(bench, pose, free, 1);
+    }
+}
+
 #[test]
 fn a_slip_of_a_half_is_driven_on_with_and_more_is_shaken_off_once_and_not_again_for_twelve_seconds() {
     let mut bench = start(&FILES);
-    let slips_at = |bench: &mut Bench, pose: &Pose, slip: f64, count: usize| {
-        for _ in 0..count {
-            bench.write("/operator/slip", rcs::SlipReport { slip, ..rcs::SlipReport::default() });
-            cycle_at(bench, pose, free, 1);
-        }
-    };
     cycle(&mut bench, 0.0, 0.0, free, 12);
     slips_at(&mut bench, &Pose::IDENTITY, 0.5, 30);
     assert_eq!(mode(&bench).0, "", "it gets on: {}", story(&bench));
@@ -142,6 +144,16 @@ fn a_vehicle_that_is_told_to_drive_and_does_not_move_shakes_itself_free() {
     let event: ModeEvent = bench.latest("/follower/modes");
     assert!(event.from == "STUCK" && event.reason.starts_with("moved_m is 0.7"), "{event:?}");
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
+fn slip_while_it_backs_bars_nothing_ahead() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 75);
+    assert!(mode(&bench).0 == "STUCK" && drive(&bench).0 < -0.3, "{}", story(&bench));
+    slips_at(&mut bench, &Pose::IDENTITY, 0.65, 20);
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.to == "SLIPPING" && event.barred.is_none(), "{event:?}");
 }
 
 #[test]

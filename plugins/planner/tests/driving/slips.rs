@@ -64,15 +64,19 @@ fn slips_of_another_zone_do_not_keep_those_of_this_run_from_being_sent() {
 }
 
 #[test]
-fn a_place_that_is_driven_over_is_forgotten() {
+fn a_place_that_is_driven_over_without_slip_is_forgotten() {
     let slips = first_run();
-    let mut bench = start(&[FILES[0], FILES[1], ("generator.slips", &slips)]);
-    for x in 0..=6 {
-        bench.write("/operator/global", global_at(f64::from(x) + 2.0));
-        cycle(&mut bench, f64::from(x), 0.0, free, 2);
+    for (slip, expected) in [(0.05, vec![]), (0.5, vec![(8.5, 3.0)])] {
+        let mut bench = start(&[FILES[0], FILES[1], ("generator.slips", &slips)]);
+        for x in 0..=6 {
+            let report = way_slip(&bench, slip, f64::from(x));
+            bench.write("/operator/way_slip", report);
+            bench.write("/operator/global", global_at(f64::from(x) + 2.0));
+            cycle(&mut bench, f64::from(x), 0.0, free, 2);
+        }
+        cycle(&mut bench, 6.0, 0.0, free, 26);
+        assert_eq!(sent(&bench), Some(expected), "{slip}");
     }
-    cycle(&mut bench, 6.0, 0.0, free, 26);
-    assert_eq!(sent(&bench), Some(Vec::new()));
 }
 
 /// What fixes tell of the wheels over the last metres, in the middle of which the vehicle was here, local frame, m.
