@@ -1,5 +1,7 @@
 //! ROS 2 CDR: conversions of hand-made messages, both byte orders, and damaged messages.
 
+mod maps;
+
 use bytes::Bytes;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -349,13 +351,16 @@ fn lines_of_a_log_keep_their_levels() {
     }
 }
 
+/// Definition of a header, as it is appended to that of a message.
+const HEADER: &str = "\n===\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n===\n\
+    MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+/// Definition of a pose.
+const POSE: &str = "===\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n===\n\
+    MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n===\n\
+    MSG: geometry_msgs/Quaternion\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n";
+
 #[test]
 fn definitions_of_ros_2_are_those_that_the_conversions_expect() {
-    const HEADER: &str = "\n===\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n===\n\
-        MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
-    const POSE: &str = "===\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n===\n\
-        MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n===\n\
-        MSG: geometry_msgs/Quaternion\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n";
     let scan = "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n\
         float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\nfloat32[] ranges\n\
         float32[] intensities";
@@ -532,7 +537,8 @@ proptest! {
         }
         for name in [
             "sensor_msgs/Image", "sensor_msgs/PointCloud2", "sensor_msgs/LaserScan", "nav_msgs/Path",
-            "nav_msgs/OccupancyGrid", "geometry_msgs/PoseArray", "rcl_interfaces/Log",
+            "nav_msgs/OccupancyGrid", "geometry_msgs/PoseArray", "rcl_interfaces/Log", "nav2_msgs/Costmap",
+            "grid_map_msgs/GridMap", "geometry_msgs/PolygonStamped",
         ] {
             let _ = canonical(&named(name), &data);
         }

@@ -239,6 +239,27 @@ pub(crate) fn grid(columns: usize, rows: usize) -> Grid {
     }
 }
 
+/// A costmap in frame `map` with cells of 0.5 m, whose corner lies at (1, 2), from the bytes that Nav2 writes.
+pub(crate) fn costmap(columns: usize, cells: &[u8]) -> Grid {
+    let schema = Schema::new("nav2_msgs/msg/Costmap", MessageEncoding::Cdr, "ros2idl", Vec::new().into());
+    let words =
+        |words: &[usize]| -> Vec<u8> { words.iter().flat_map(|word| (*word as u32).to_le_bytes()).collect() };
+    let mut bytes: Vec<u8> = vec![0, 1, 0, 0];
+    // Time and frame; the times of loading and of the last update, and the layer.
+    bytes.extend(words(&[5, 7, 4]));
+    bytes.extend(b"map\0");
+    bytes.extend(words(&[0, 0, 0, 0, 4]));
+    bytes.extend(b"raw\0");
+    // Resolution, columns and rows; then padding before the pose.
+    bytes.extend(0.5_f32.to_le_bytes());
+    bytes.extend(words(&[columns, cells.len() / columns, 0]));
+    bytes.extend([1.0_f64, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0].iter().flat_map(|number| number.to_le_bytes()));
+    bytes.extend(words(&[cells.len()]));
+    bytes.extend(cells);
+    let message = rcs_msg::canonical(&schema, &bytes.into()).unwrap().unwrap();
+    message.get::<Grid>().unwrap().clone()
+}
+
 /// A map of the world model in frame `local`: a road along the track, grass beside it, and trees.
 fn world_map() -> Grid {
     let mut map = Map::new(0.2).unwrap();

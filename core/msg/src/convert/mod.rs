@@ -18,7 +18,10 @@
 //! | `geometry_msgs/PoseArray` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `nav_msgs/Path` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `tf2_msgs/TFMessage` | `foxglove.FrameTransforms` | `pose.rs` |
+//! | `geometry_msgs/PolygonStamped` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs` |
+//! | `nav2_msgs/Costmap` | `foxglove.Grid` | `grid.rs` |
+//! | `grid_map_msgs/GridMap` | `foxglove.Grid` | `grid_map.rs` |
 //! | `rcl_interfaces/Log` | `foxglove.Log` | `log.rs` |
 //!
 //! ROS 2 messages are read directly from their CDR bytes; pixels and points share those bytes. If the definition in a
@@ -26,6 +29,7 @@
 
 mod cloud;
 mod grid;
+mod grid_map;
 mod image;
 mod json;
 mod log;
@@ -92,7 +96,10 @@ const ROS2: &[&Conversion] = &[
     &pose::POSE_ARRAY,
     &pose::PATH,
     &pose::TF_MESSAGE,
+    &pose::POLYGON_STAMPED,
     &grid::OCCUPANCY_GRID,
+    &grid::COSTMAP,
+    &grid_map::GRID_MAP,
     &log::LOG,
 ];
 
@@ -177,6 +184,10 @@ enum Unusable {
     Cdr(#[from] CdrError),
     #[error("{what}: got {got}, expected {expected}")]
     Content { what: &'static str, got: u64, expected: u64 },
+    #[error("{what}: got {got}, expected at most {most}")]
+    Above { what: &'static str, got: u64, most: u64 },
+    #[error("{what}: got {got}, expected {expected}")]
+    Number { what: &'static str, got: f64, expected: &'static str },
 }
 
 /// Reads a ROS 2 message.

@@ -1,8 +1,9 @@
-//! Poses, paths and transforms.
+//! Poses, paths, polygons and transforms.
 
+use super::cloud::identity;
 use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
-use crate::foxglove::{FrameTransform, FrameTransforms, Odometry, PoseInFrame, PosesInFrame};
+use crate::foxglove::{FrameTransform, FrameTransforms, Odometry, Pose, PoseInFrame, PosesInFrame, Vector3};
 
 pub(super) const POSE_STAMPED: Conversion = Conversion {
     from: "geometry_msgs/PoseStamped",
@@ -39,10 +40,19 @@ pub(super) const TF_MESSAGE: Conversion = Conversion {
     convert: tf_message,
 };
 
+pub(super) const POLYGON_STAMPED: Conversion = Conversion {
+    from: "geometry_msgs/PolygonStamped",
+    signature: "iIs[](fff)",
+    to: "foxglove.PosesInFrame",
+    convert: polygon_stamped,
+};
+
 /// Bytes of the numbers of a stamped pose. A sequence cannot have more poses than the message has room for.
 const STAMPED_POSE_SIZE: usize = 68;
 /// Bytes of the numbers of a pose.
 const POSE_SIZE: usize = 56;
+/// Bytes of a corner of a polygon.
+const CORNER_SIZE: usize = 12;
 
 fn pose_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
@@ -102,4 +112,20 @@ fn tf_message(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         });
     }
     Ok(AnyMessage::new(FrameTransforms { transforms }))
+}
+
+/// The outline of the polygon: a path that returns to the first corner. Its poses have no orientation of their own.
+fn polygon_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let header = source.header()?;
+    let count = source.cursor.length(CORNER_SIZE)?;
+    let mut poses = Vec::with_capacity(count.saturating_add(1));
+    for _ in 0..count {
+        let corner = [source.cursor.f32()?, source.cursor.f32()?, source.cursor.f32()?];
+        let [x, y, z] = corner.map(f64::from);
+        poses.push(Pose { position: Some(Vector3 { x, y, z }), ..identity() });
+    }
+    // Some writers repeat the first corner themselves, and two corners are a line.
+    let first = poses.first().filter(|first| poses.len() > 2 && poses.last() != Some(*first)).copied();
+    poses.extend(first);
+    Ok(AnyMessage::new(PosesInFrame { timestamp: header.timestamp, frame_id: header.frame_id, poses }))
 }

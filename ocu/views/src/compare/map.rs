@@ -20,7 +20,7 @@ use rcs_geom::DVec3;
 use rcs_msg::AnyMessage;
 use rcs_runtime::Role as TopicRole;
 use rcs_runtime::source::{Frame, Topic};
-use rcs_world::GridView;
+use rcs_world::{GridView, NumericType};
 use std::sync::Arc;
 
 /// Smallest and largest scale, screen points per m.
@@ -150,7 +150,9 @@ fn compared(
     colors: [Color32; 2],
 ) -> Option<(Vec<Color32>, usize)> {
     let name = field(first)?;
-    let is_cost = name.starts_with("cost");
+    // Costs are bytes; a field of another type with such a name has no unknown value.
+    let is_byte = first.field_of(&name, NumericType::Uint8).is_ok();
+    let is_cost = is_byte && (name == "cost" || name.starts_with("cost."));
     let known = |value: f64| value.is_finite() && !(is_cost && value > 250.0);
     let ours: Vec<f64> = first.field(&name).ok()?.values().collect();
     let theirs: Vec<f64> = second.field(&name).ok()?.values().collect();

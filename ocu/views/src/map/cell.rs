@@ -154,7 +154,7 @@ impl Content<'_> {
             Some(label) if label == f64::from(Label::Obstacle as u8) => "  obstacle",
             _ => "",
         };
-        let cost = if fused > MOST_COST { "unknown".to_owned() } else { format!("cost {fused:3}") };
+        let cost = if fused > MOST_COST { "unknown".to_owned() } else { format!("cost {:>3}", short(fused)) };
         let name = fused_name(self.is_edited);
         room.write(ui, &format!("{name:<NAME$}{cost}{confidence}{label}{by}"));
         &FUSED

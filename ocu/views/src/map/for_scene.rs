@@ -97,12 +97,36 @@ impl CellColors {
         let cells = Cells::new(grid)?;
         let shade = cells.shade(None).ok_or("the grid has no fields")?;
         let image = cells.paint(&shade, palette, cells.range(&shade), None);
-        Ok(Self { image, unknown: shade.is_cost().then(|| palette.unknown()) })
+        Ok(Self { image, unknown: cells.is_cost(&shade).then(|| palette.unknown()) })
     }
 
     /// The colour of a cell; `None` where nothing is known.
     pub(crate) fn at(&self, column: usize, row: usize) -> Option<Color32> {
         let color = *self.image.pixels.get(row * self.image.size[0] + column)?;
-        (Some(color) != self.unknown).then_some(color)
+        (Some(color) != self.unknown && color != Color32::TRANSPARENT).then_some(color)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use rcs_msg::foxglove::packed_element_field::NumericType;
+    use rcs_msg::foxglove::{Grid, PackedElementField};
+
+    #[test]
+    fn cells_of_which_nothing_is_known_have_no_colour() {
+        let costs = AnyMessage::new(samples::costmap(3, &[0, 254, 255]));
+        let name = "elevation".to_owned();
+        let fields = vec![PackedElementField { name, offset: 0, r#type: NumericType::Float32.into() }];
+        let numbers = [0.5_f32, 1.5, f32::NAN];
+        let data = numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>().into();
+        let (column_count, row_stride, cell_stride) = (3, 12, 4);
+        let heights = Grid { fields, data, column_count, row_stride, cell_stride, ..samples::grid(1, 1) };
+        for grid in [costs, AnyMessage::new(heights)] {
+            let colors = CellColors::of(&grid, MapPalette::Papers).unwrap();
+            let is_known = [0, 1, 2].map(|column| colors.at(column, 0).is_some());
+            assert_eq!(is_known, [true, true, false]);
+        }
     }
 }

@@ -132,10 +132,19 @@ impl<'a> Cells<'a> {
         found.or(cost).or(choices.first()).cloned()
     }
 
+    /// Whether a shade is a cost. Costs are bytes; a field of another type with such a name has a scale of its own.
+    pub(super) fn is_cost(&self, shade: &Shade) -> bool {
+        match shade {
+            Shade::Fused => true,
+            Shade::Colors => false,
+            Shade::Field(name) => (name == "cost" || name.starts_with("cost.")) && self.is_byte(name),
+        }
+    }
+
     /// The 2nd and 98th percentile of a field; `None` for costs and confidences, whose range is fixed.
     pub(super) fn range(&self, shade: &Shade) -> Option<[f64; 2]> {
         let Shade::Field(name) = shade else { return None };
-        if is_cost(name) || name.starts_with("conf") {
+        if self.is_cost(shade) || (name.starts_with("conf") && self.is_byte(name)) {
             return None;
         }
         let every = (self.0.columns() * self.0.rows() / 20_000).max(1);
@@ -169,7 +178,7 @@ impl<'a> Cells<'a> {
         let field = self.0.field(shade.name()).ok();
         let pixels: Vec<Color32> = match field {
             _ if fused => bytes.iter().map(|cost| costs[usize::from(*cost)]).collect(),
-            Some(field) if shade.is_cost() => {
+            Some(field) if self.is_cost(shade) => {
                 let cost = |value: f64| if (0.0..=250.0).contains(&value) { value as u8 } else { u8::MAX };
                 field.values().map(|value| costs[usize::from(cost(value))]).collect()
             }
@@ -209,15 +218,6 @@ impl Shade {
     pub(super) fn is_fused(&self) -> bool {
         matches!(self, Self::Fused) || self.name() == "cost"
     }
-
-    /// Whether it is a cost.
-    pub(super) fn is_cost(&self) -> bool {
-        matches!(self, Self::Fused) || is_cost(self.name())
-    }
-}
-
-fn is_cost(name: &str) -> bool {
-    name == "cost" || name.starts_with("cost.")
 }
 
 #[cfg(test)]
@@ -311,12 +311,52 @@ mod tests {
             let message = AnyMessage::new(grid(fields));
             let cells = Cells::new(&message).unwrap();
             let shade = cells.shade(None).unwrap();
-            assert_eq!((&shade, shade.is_cost()), (&Shade::Colors, false));
+            assert_eq!((&shade, cells.is_cost(&shade)), (&Shade::Colors, false));
             assert_eq!(cells.range(&shade), None);
             assert_eq!(cells.paint(&shade, MapPalette::Papers, None, None).pixels, [first, second]);
         }
         let message = AnyMessage::new(grid(&number));
         assert_eq!(Cells::new(&message).unwrap().shade(None), Some(Shade::Field("red".into())));
+    }
+
+    #[test]
+    fn a_costmap_is_painted_on_the_scale_of_costs_and_read_with_its_own_values() {
+        let grid = AnyMessage::new(samples::costmap(5, &[0, 127, 253, 254, 255]));
+        let cells = Cells::new(&grid).unwrap();
+        let shade = cells.shade(None).unwrap();
+        assert_eq!(shade, Shade::Field("cost".into()));
+        assert!(cells.is_cost(&shade) && cells.range(&shade).is_none());
+        let palette = MapPalette::Papers;
+        let image = cells.paint(&shade, palette, None, None);
+        assert_eq!(image.size, [5, 1]);
+        let colors = [0, 125, 249, 250].map(|cost| palette.cost(cost));
+        assert_eq!(image.pixels[..4], colors);
+        assert_eq!(image.pixels[4], palette.unknown());
+        let column = cells.cell_at(DVec3::new(1.0 + 3.5 * 0.5, 2.1, 0.0)).unwrap();
+        assert_eq!(["cost", "costmap"].map(|name| cells.read(name, column)), [Some(250.0), Some(254.0)]);
+    }
+
+    #[test]
+    fn fields_of_floats_have_scales_of_their_own_whatever_their_names() {
+        let numbers = [0.25_f32, 0.75, f32::NAN];
+        for name in ["cost", "cost.stereo", "confidence", "elevation"] {
+            let fields = vec![PackedElementField {
+                name: name.into(),
+                offset: 0,
+                r#type: NumericType::Float32.into(),
+            }];
+            let data = numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>().into();
+            let (column_count, row_stride, cell_stride) = (3, 12, 4);
+            let grid = Grid { fields, data, column_count, row_stride, cell_stride, ..samples::grid(1, 1) };
+            let grid = AnyMessage::new(grid);
+            let cells = Cells::new(&grid).unwrap();
+            let shade = Shade::Field(name.into());
+            assert!(!cells.is_cost(&shade), "{name}");
+            let range = cells.range(&shade).unwrap();
+            let pixels = cells.paint(&shade, MapPalette::Papers, Some(range), None).pixels;
+            assert_ne!(pixels[0], pixels[2], "{name}");
+            assert_eq!(pixels[2], Color32::TRANSPARENT, "{name}");
+        }
     }
 
     #[test]

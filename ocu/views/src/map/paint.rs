@@ -42,11 +42,10 @@ impl Map {
         is_over: bool,
     ) {
         let state = self.state(layer);
-        let Some(shade) = Cells::new(grid).ok().and_then(|cells| cells.shade(state.shade.as_deref())) else {
-            return;
-        };
+        let Ok(cells) = Cells::new(grid) else { return };
+        let Some(shade) = cells.shade(state.shade.as_deref()) else { return };
         let weights = self.edited_weights(layer).filter(|_| shade.is_fused()).cloned();
-        let shows_below = is_over && shade.is_cost();
+        let shows_below = is_over && cells.is_cost(&shade);
         let look = GridLook { shade, palette: self.saved.palette, weights, shows_below };
         let Some(picture) = GridPicture::of(ui.ctx(), layer, look) else { return };
         self.ranges.extend(picture.range.map(|range| (layer.name.clone(), range)));

@@ -176,7 +176,7 @@ impl Map {
                         let Some(shade) = cells.shade(self.state(layer).shade.as_deref()) else {
                             continue;
                         };
-                        if shade.is_cost() {
+                        if cells.is_cost(&shade) {
                             costs = true;
                             continue;
                         }

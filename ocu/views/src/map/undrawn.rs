@@ -20,10 +20,13 @@ const TRACKS: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "foxglov
 
 /// ROS types whose conversion is refused if the log defines them otherwise than ROS does; then they have no canonical
 /// type.
-const CONVERTED: [&str; 9] = [
+const CONVERTED: [&str; 12] = [
+    "geometry_msgs/PolygonStamped",
     "geometry_msgs/PoseArray",
     "geometry_msgs/PoseStamped",
     "geometry_msgs/PoseWithCovarianceStamped",
+    "grid_map_msgs/GridMap",
+    "nav2_msgs/Costmap",
     "nav_msgs/OccupancyGrid",
     "nav_msgs/Odometry",
     "nav_msgs/Path",
@@ -33,14 +36,11 @@ const CONVERTED: [&str; 9] = [
 ];
 
 /// Types that show something in space or in a picture, and that no view draws.
-const NOT_DRAWN: [&str; 12] = [
+const NOT_DRAWN: [&str; 9] = [
     "foxglove.CompressedVideo",
     "foxglove.GeoJSON",
     "foxglove.SceneUpdate",
-    "geometry_msgs/PolygonStamped",
-    "grid_map_msgs/GridMap",
     "map_msgs/OccupancyGridUpdate",
-    "nav2_msgs/Costmap",
     "nav_msgs/GridCells",
     "octomap_msgs/Octomap",
     "sensor_msgs/PointCloud",
@@ -167,9 +167,20 @@ mod tests {
             topic
         };
         assert!(texts(vec![empty()]).is_empty());
-        let many = (0..11).map(|i| ros(&format!("/costmap_{i}"), "nav2_msgs/msg/Costmap")).chain([empty()]);
+        let update = |i: usize| ros(&format!("/update_{i}"), "map_msgs/msg/OccupancyGridUpdate");
+        let many = (0..11).map(update).chain([empty()]);
         let texts = texts(many.collect());
         assert_eq!((texts.len(), &*texts[8]), (9, "and 3 more"));
+    }
+
+    #[test]
+    fn the_listed_ros_types_are_converted_and_those_that_no_view_draws_are_not() {
+        for name in CONVERTED {
+            assert!(ros("/a", name).type_name().starts_with("foxglove."), "{name}");
+        }
+        for name in NOT_DRAWN {
+            assert_eq!(ros("/a", name).type_name(), name);
+        }
     }
 
     #[test]

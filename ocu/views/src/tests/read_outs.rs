@@ -66,6 +66,19 @@ fn a_source_that_knows_nothing_of_a_cell_is_left_out() {
 }
 
 #[test]
+fn a_cell_of_a_costmap_is_read_with_its_own_value() {
+    for (value, cost) in [(254, "cost 250"), (0, "cost   0"), (255, "unknown")] {
+        let mut frame = samples::empty();
+        let grid = samples::costmap(40, &[value; 1600]);
+        frame.topics = vec![samples::topic("/costmap", 1.0, 0.2, grid)].into();
+        let (harness, _) = map(frame, LARGE, KNOWN);
+        assert_eq!(count(&harness, "/costmap  cell"), 1, "{value}");
+        assert!(count(&harness, cost) > 0, "{value}");
+        assert_eq!(count(&harness, &format!("costmap    {value}")), 1, "{value}");
+    }
+}
+
+#[test]
 fn a_read_out_lies_inside_of_the_map_and_beside_the_pointer() {
     for size in [[240.0, 320.0], [320.0, 240.0], [520.0, 200.0], [900.0, 560.0]] {
         for beside in [KNOWN, Vec2::new(9.0, -3.0)] {
