@@ -97,6 +97,48 @@ fn a_seek_shows_the_newest_message_of_every_topic_whichever_way_it_came() {
     }
 }
 
+/// A log with an entity of its own in each message, once a second; those of even seconds live for one and a half.
+fn log_with_entities() -> rcs_log::Log {
+    let messages: Vec<(Stamp, &str, AnyMessage)> = (0..30_u32)
+        .map(|second| {
+            let lifetime = second
+                .is_multiple_of(2)
+                .then_some(rcs_msg::prost_types::Duration { seconds: 1, nanos: 500_000_000 });
+            let id = (second % 10).to_string();
+            let entities = vec![foxglove::SceneEntity { id, lifetime, ..Default::default() }];
+            let update = foxglove::SceneUpdate { deletions: Vec::new(), entities };
+            (seconds(f64::from(second)), "/scene", AnyMessage::new(update))
+        })
+        .collect();
+    let messages = messages.iter().map(|(time, topic, message)| (*time, *topic, message));
+    rcs_testkit::logs::hand_made(&[("/scene", schema_of::<foxglove::SceneUpdate>())], messages)
+}
+
+#[test]
+fn the_entities_of_a_moment_do_not_depend_on_the_way_there() {
+    let mut source = LogSource::new(&log_with_entities()).unwrap();
+    let task = Task::default();
+    let ids = |to: f64, source: &mut LogSource| {
+        source.seek(seconds(to), &task).unwrap();
+        let frame = source.frame();
+        let entities = frame.entities(frame.topic("/scene").unwrap());
+        let alive = entities.iter().filter(|entity| entity.is_alive(frame.now));
+        alive.map(|entity| entity.content.id.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(ids(20.0, &mut source), ["0"], "what has not been read: those of the newest message");
+    finish_idle(&mut source);
+    for to in [20.0, 3.0, 20.0, 21.0, 0.0, 3.0] {
+        let expect: &[&str] = match to as u32 {
+            0 => &["0"],
+            3 => &["1", "2", "3"],
+            20 => &["1", "3", "5", "7", "9", "0"],
+            _ => &["3", "5", "7", "9", "0", "1"],
+        };
+        assert_eq!(ids(to, &mut source), expect, "at {to} s");
+    }
+    assert_eq!(ids(3.6, &mut source), ["1", "3"], "the lifetime of 2 has passed");
+}
+
 #[test]
 fn channels_with_one_name_that_are_read_alike_are_one_topic_with_the_newest_message_of_all() {
     let folder = tempfile::tempdir().unwrap();

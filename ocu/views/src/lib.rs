@@ -47,6 +47,7 @@ mod plan;
 mod plot;
 mod pose;
 pub mod prepare;
+mod primitives;
 pub mod process_state;
 #[cfg(test)]
 mod samples;

@@ -22,10 +22,12 @@
 //! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs` |
 //! | `nav2_msgs/Costmap` | `foxglove.Grid` | `grid.rs` |
 //! | `grid_map_msgs/GridMap` | `foxglove.Grid` | `grid_map.rs` |
+//! | `visualization_msgs/Marker`, `visualization_msgs/MarkerArray` | `foxglove.SceneUpdate` | `markers.rs` |
 //! | `rcl_interfaces/Log` | `foxglove.Log` | `log.rs` |
 //!
 //! ROS 2 messages are read directly from their CDR bytes; pixels and points share those bytes. If the definition in a
-//! log differs from ROS 2's definition of that name, its messages are refused.
+//! log differs from ROS 2's definitions of that name, its messages are refused. A name has several conversions where
+//! releases of ROS 2 define it differently; without a readable definition the first one counts.
 
 mod cloud;
 mod grid;
@@ -33,6 +35,7 @@ mod grid_map;
 mod image;
 mod json;
 mod log;
+mod markers;
 mod navigation;
 mod pose;
 mod scan;
@@ -101,6 +104,10 @@ const ROS2: &[&Conversion] = &[
     &grid::COSTMAP,
     &grid_map::GRID_MAP,
     &log::LOG,
+    &markers::MARKER,
+    &markers::MARKER_ARRAY,
+    &markers::FOXY_MARKER,
+    &markers::FOXY_MARKER_ARRAY,
 ];
 
 /// Converts a message of a topic to its canonical message; `None` if no conversion exists for its schema.
@@ -163,18 +170,16 @@ fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertErro
     }
     let (package, rest) = schema.name().split_once('/')?;
     let name = rest.strip_prefix("msg/").unwrap_or(rest);
-    let conversion = ROS2.iter().find(|known| known.from.split_once('/') == Some((package, name)))?;
+    let mut named = ROS2.iter().copied().filter(|known| known.from.split_once('/') == Some((package, name)));
+    let first = named.next()?;
     // If the definition cannot be read (ros2idl), the conversion goes by the name alone.
-    if let Ok(Reader::Cdr(layout)) = schema.reader()
-        && layout.signature() != conversion.signature
-    {
-        return Some(Err(ConvertError::Definition {
-            schema: schema.name().to_owned(),
-            got: layout.signature().to_owned(),
-            expected: conversion.signature,
-        }));
-    }
-    Some(Ok(conversion))
+    let Ok(Reader::Cdr(layout)) = schema.reader() else { return Some(Ok(first)) };
+    let found = std::iter::once(first).chain(named).find(|known| known.signature == layout.signature());
+    Some(found.ok_or_else(|| ConvertError::Definition {
+        schema: schema.name().to_owned(),
+        got: layout.signature().to_owned(),
+        expected: first.signature,
+    }))
 }
 
 /// Why a ROS 2 message cannot be used.

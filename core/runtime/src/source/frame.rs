@@ -1,6 +1,7 @@
 //! Frames: one moment of a source, as the views see it.
 
 use super::compared::Comparison;
+use super::entities::{Entities, Entity, entities_of};
 use super::events::Events;
 use super::fields::FieldSeries;
 use super::recording_state::RecordingState;
@@ -15,6 +16,7 @@ use rcs_formula::FieldRef;
 use rcs_geom::TransformTree;
 use rcs_log::Gap;
 use rcs_msg::classes::{CLASSES, LabelClass, classes_from_json};
+use rcs_msg::foxglove::SceneUpdate;
 use rcs_msg::{AnyMessage, Payload, Schema, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -85,6 +87,7 @@ pub struct Topic {
 pub(crate) struct Derived {
     canonical: OnceLock<Option<AnyMessage>>,
     acquired: OnceLock<Stamp>,
+    entities: OnceLock<Vec<Arc<Entity>>>,
 }
 
 /// A topic that nobody has read in so many frames is not converted before it is shown.
@@ -166,6 +169,15 @@ impl Topic {
     /// The newest message, if it is a `T` or converts to one.
     pub fn get<T: Payload>(&self) -> Option<&T> {
         self.canonical()?.get()
+    }
+
+    /// The entities of the newest message, whether their lifetimes have passed or not.
+    fn entities(&self) -> &[Arc<Entity>] {
+        self.derived.entities.get_or_init(|| {
+            let entities =
+                |sample: &Sample| Some(entities_of(self.get::<SceneUpdate>()?, sample.header.log_time));
+            self.latest.as_ref().and_then(entities).unwrap_or_default()
+        })
     }
 
     /// Role of its messages; `None` if it has none, or one that is not known.
@@ -268,6 +280,8 @@ pub struct Frame {
     pub processes: Arc<[rcs::ProcessInfo]>,
     /// Every track known so far, over the whole log and in every run, by run and topic.
     pub tracks: Arc<[Track]>,
+    /// The entities of every topic that has some, in every run; [`Frame::entities()`] finds those of a topic.
+    pub entities: Arc<[Entities]>,
     /// The events of every run, over the whole log as far as it has been read.
     pub events: Arc<[Events]>,
     /// The fields that were asked for ([`super::Control::Gather`]), in every run, over the whole log as far as it has
@@ -304,6 +318,7 @@ impl Frame {
             topics: Arc::new([]),
             processes: Arc::new([]),
             tracks: Arc::new([]),
+            entities: Arc::new([]),
             events: Arc::new([]),
             fields: Arc::new([]),
             transforms: Arc::new(TransformTree::new()),
@@ -361,6 +376,26 @@ impl Frame {
     /// The track of this topic in this run.
     pub fn track(&self, topic: &str, run: RunTag) -> Option<&Track> {
         self.tracks.iter().find(|track| &*track.topic == topic && track.run == run)
+    }
+
+    /// The entities of a topic that exist at this moment; those of its newest message alone where not all messages before
+    /// it are known. They include entities whose lifetime has passed: see [`Entity::is_alive`].
+    pub fn entities<'a>(&'a self, topic: &'a Topic) -> &'a [Arc<Entity>] {
+        let Some(newest) = &topic.latest else { return &[] };
+        let gathered = self.gathered(topic).filter(|gathered| gathered.now == self.now);
+        let found = gathered.and_then(|gathered| gathered.found(newest.header.log_time));
+        found.unwrap_or_else(|| topic.entities())
+    }
+
+    /// Number of entities of a topic that are nowhere shown, because too many others existed.
+    pub fn entities_left_out(&self, topic: &Topic) -> usize {
+        self.gathered(topic).map_or(0, Entities::left_out)
+    }
+
+    /// Of a topic that a recording feeds, the entities are gathered from the recording.
+    fn gathered(&self, topic: &Topic) -> Option<&Entities> {
+        let of = |run| self.entities.iter().find(move |of| of.topic == topic.name && of.run == run);
+        of(topic.run).or_else(|| of(RunTag::Recorded))
     }
 
     /// The values of a field in this run, or else in the recording.

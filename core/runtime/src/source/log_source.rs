@@ -96,6 +96,7 @@ impl Source for LogSource {
             topics: self.view.topics.clone().into(),
             processes: Arc::clone(&self.processes),
             tracks: self.view.tracks().collect(),
+            entities: self.view.entities(self.place.time).collect(),
             events: Arc::new([self.view.events()]),
             fields: self.view.fields().collect(),
             transforms: Arc::clone(&self.view.shared_tree),

@@ -1,5 +1,6 @@
 //! The topics of a log at one moment, and background reading of the log.
 
+use super::entities::{Entities, EntityWatch, is_scene_type};
 use super::events::{EventWatch, Events, is_event_type};
 use super::fields::{FieldSeries, LogFields, alike};
 use super::frame::Topic;
@@ -55,6 +56,7 @@ pub(crate) struct LogView {
     background: Option<Cursor>,
     fields: LogFields,
     tracks: Tracks,
+    entities: EntityWatch,
     events: EventWatch,
     shared_len: usize,
     pub(crate) shared_tree: Arc<TransformTree>,
@@ -107,15 +109,14 @@ impl LogView {
             topic.hz
         });
         let means = means.collect();
-        let background: Vec<TopicId> = info
+        let is_read_whole = |name: &str| {
+            is_pose_type(name) || is_transform_type(name) || is_event_type(name) || is_scene_type(name)
+        };
+        let whole = info
             .topics
             .iter()
-            .filter(|topic| {
-                rcs_msg::canonical_name(&topic.schema)
-                    .is_some_and(|name| is_pose_type(name) || is_transform_type(name) || is_event_type(name))
-            })
-            .map(|topic| topic.id)
-            .collect();
+            .filter(|topic| rcs_msg::canonical_name(&topic.schema).is_some_and(is_read_whole));
+        let background: Vec<TopicId> = whole.map(|topic| topic.id).collect();
         let background = (!background.is_empty())
             .then(|| log.cursor(CursorOptions { topics: Some(background), ..CursorOptions::default() }));
         Self {
@@ -131,6 +132,7 @@ impl LogView {
             background,
             fields: LogFields::default(),
             tracks: Tracks::default(),
+            entities: EntityWatch::default(),
             events: EventWatch::default(),
             shared_len: 0,
             shared_tree: Arc::default(),
@@ -273,7 +275,7 @@ impl LogView {
         self.fields.read()
     }
 
-    /// Reads poses, transforms and events for a few milliseconds; `true` if some are left.
+    /// Reads poses, transforms, entities and events for a few milliseconds; `true` if some are left.
     pub(crate) fn idle(&mut self) -> bool {
         let Some(cursor) = &mut self.background else {
             let reads = self.fields.is_reading();
@@ -294,6 +296,7 @@ impl LogView {
                     if let Some(message_out) = canonical(&raw) {
                         let is_static = is_static_topic(&self.log, message.topic);
                         self.events.look(&topic.name, message.log_time, &message_out);
+                        self.entities.look(&topic.name, message.log_time, &message_out);
                         self.tracks.add(&topic.name, message.log_time, &message_out, is_static);
                     }
                 }
@@ -317,6 +320,11 @@ impl LogView {
     /// The tracks of the log, as far as they have been read.
     pub(crate) fn tracks(&self) -> impl Iterator<Item = Track> + '_ {
         self.tracks.read(RunTag::Recorded)
+    }
+
+    /// The entities of the log at a moment, as far as they have been read.
+    pub(crate) fn entities(&self, now: Stamp) -> impl Iterator<Item = Entities> + '_ {
+        self.entities.read(RunTag::Recorded, now)
     }
 
     /// What is doubtful about the transforms of the log, as far as they have been read.

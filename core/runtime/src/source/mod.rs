@@ -7,6 +7,7 @@
 mod compared;
 mod comparison;
 mod driver;
+mod entities;
 mod events;
 mod fields;
 mod frame;
@@ -30,6 +31,7 @@ mod transform_clock;
 
 pub use compared::{Compared, Comparison};
 pub use driver::{Control, Driver};
+pub use entities::{Entities, Entity};
 pub use events::{Event, EventKind, EventLevel, Events};
 pub use fields::{FieldPoint, FieldSeries, exact_points, moments, points_of, read_fields, series_of};
 pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};

@@ -2,6 +2,7 @@
 
 use super::compared::Compared;
 use super::comparison::{Comparing, Subject};
+use super::entities::EntityWatch;
 use super::events::EventWatch;
 use super::fields::RunFields;
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
@@ -48,6 +49,7 @@ pub struct StackSource {
     /// One topic per buffer, in the order of the plan.
     topics: Vec<Topic>,
     tracks: PerRun<Tracks>,
+    entities: PerRun<EntityWatch>,
     events: PerRun<EventWatch>,
     times: RunTimes,
     fields: RunFields,
@@ -96,9 +98,11 @@ impl StackSource {
 
     fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
-        // The tracks of a recording are read from it.
+        // The tracks and entities of a recording are read from it.
         let outputs = plan.processes.iter().flat_map(|process| &process.outputs);
-        let tracks = PerRun::tap(outputs.map(|&index| &run.buffers()[index]));
+        let outputs = outputs.map(|&index| &run.buffers()[index]);
+        let tracks = PerRun::tap(outputs.clone());
+        let entities = PerRun::tap(outputs);
         let events = PerRun::tap(run.buffers());
         let times = RunTimes::tap(&run);
         let fields = RunFields::tap(&run);
@@ -152,6 +156,7 @@ impl StackSource {
             processes,
             topics,
             tracks,
+            entities,
             events,
             times,
             fields,
@@ -205,6 +210,7 @@ impl StackSource {
         let tag = RunTag::Run(current);
         self.runs = self.session.runs().into();
         self.tracks.follow(&self.runs, current.0 as usize);
+        self.entities.follow(&self.runs, current.0 as usize);
         self.events.follow(&self.runs, current.0 as usize);
         self.times.follow(&self.runs, current.0 as usize);
         self.fields.follow(&self.runs, current.0 as usize);
@@ -288,7 +294,8 @@ impl StackSource {
             let own: Vec<Topic> = own.collect();
             let runs = Runs { moment: at, is_at_end: true, filling: None, ..frame.runs.clone() };
             let topics = unwired.iter().cloned().chain(own).collect();
-            Arc::new(Frame { now: time, topics, runs, is_beside: true, ..frame.clone() })
+            let entities = frame.entities.iter().map(|entities| entities.at(time)).collect();
+            Arc::new(Frame { now: time, topics, entities, runs, is_beside: true, ..frame.clone() })
         });
         frames.collect()
     }
@@ -356,6 +363,10 @@ impl Source for StackSource {
         let recorded_tracks = recorded.into_iter().flat_map(LogView::tracks);
         let own = self.tracks.read(|run, tracks| tracks.read(run).collect::<Vec<_>>());
         let tracks = recorded_tracks.chain(own.into_iter().flatten()).collect();
+        let now = self.now;
+        let recorded_entities = recorded.into_iter().flat_map(|view| view.entities(now));
+        let own = self.entities.read(|run, entities| entities.read(run, now).collect::<Vec<_>>());
+        let entities = recorded_entities.chain(own.into_iter().flatten()).collect();
         let events =
             recorded.map(LogView::events).into_iter().chain(self.events.read(|run, events| events.read(run)));
         let events = events.collect();
@@ -368,6 +379,7 @@ impl Source for StackSource {
             topics,
             processes: Arc::clone(&self.processes),
             tracks,
+            entities,
             events,
             fields,
             transforms: match recorded {

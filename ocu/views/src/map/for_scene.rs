@@ -2,7 +2,8 @@
 
 use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
-use super::panel;
+use super::{entities, panel};
+use crate::primitives::PlacedEntities;
 use egui::{Color32, ColorImage};
 use ocu_ui::palette::MapPalette;
 use rcs_geom::{DVec3, Pose};
@@ -16,6 +17,8 @@ const MOST_POINTS: usize = 4_000;
 pub(crate) enum Thing<'a> {
     Grid(&'a AnyMessage),
     Cloud(&'a AnyMessage),
+    /// Entities in the frame of the scene.
+    Entities(PlacedEntities),
     /// Points of a path in the layer's frame.
     Path(Vec<DVec3>),
     /// Points of a track up to now, and where it is now: position and heading.
@@ -46,12 +49,18 @@ pub(crate) fn placed<'a>(frame: &'a Frame, chosen: Option<&str>) -> Option<(Stri
     let scene = chosen.or_else(|| layers::default_frame(frame, &all))?;
     let has_map = all.iter().any(Layer::is_map);
     let placed = all.iter().enumerate().filter_map(|(index, layer)| {
-        let scene_from_layer = layers::map_from_layer(frame, scene, layer).ok()?;
+        let (thing, scene_from_layer) = if let Kind::Entities(all) = layer.kind {
+            let placed = entities::place(frame, scene, all).placed;
+            ((!placed.0.is_empty()).then_some(Thing::Entities(placed))?, Pose::IDENTITY)
+        } else {
+            let scene_from_layer = layers::map_from_layer(frame, scene, layer).ok()?;
+            (thing(layer, frame.now)?, scene_from_layer)
+        };
         let is_cloud = matches!(layer.kind, Kind::Cloud);
         let is_part = has_map && layer.is_part_of_a_map() && !is_cloud;
         Some(Placed {
             name: layer.name.clone(),
-            thing: thing(layer, frame.now)?,
+            thing,
             scene_from_layer,
             series: panel::series(&all, index),
             is_usual: !layer.is_ground_truth() && !is_part,
@@ -81,7 +90,9 @@ fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {
                 place.map(|place| (place.position.metres(track.origin.as_ref()).to_array(), place.yaw_rad));
             Thing::Track { points: (0..count).step_by(every).filter_map(at).collect(), here }
         }
-        Kind::Goal(_) | Kind::Arcs(_) | Kind::Mission(_) | Kind::Track { .. } => return None,
+        Kind::Entities(_) | Kind::Goal(_) | Kind::Arcs(_) | Kind::Mission(_) | Kind::Track { .. } => {
+            return None;
+        }
     })
 }
 

@@ -10,9 +10,10 @@ use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs::{ArcChoice, Mission, Plan};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::Role;
-use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84, frame_name};
+use rcs_runtime::source::{Entity, Frame, Place, RunTag, Topic, Track, WGS84, frame_name};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 /// Content of a layer.
 #[derive(Clone, Copy)]
@@ -21,6 +22,8 @@ pub(super) enum Kind<'a> {
     Grid(&'a AnyMessage),
     /// A point cloud.
     Cloud,
+    /// Entities of a scene, each in a frame of its own; the frame of the layer is that of the first one.
+    Entities(&'a [Arc<Entity>]),
     /// A planned path.
     Path(&'a PosesInFrame),
     /// A goal.
@@ -100,7 +103,7 @@ fn is_goal(topic: &Topic) -> bool {
 
 /// All layers of a frame from bottom to top; ground truth is on top of its kind.
 pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
-    let (mut grids, mut clouds, mut paths) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut grids, mut clouds, mut scenes, mut paths) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for topic in frame.topics.iter() {
         let Some(sample) = &topic.latest else { continue };
         let layer = |kind, frame_id| {
@@ -117,6 +120,12 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             }
             "foxglove.PointCloud" => {
                 clouds.extend(topic.get::<PointCloud>().map(|cloud| layer(Kind::Cloud, &cloud.frame_id)));
+            }
+            "foxglove.SceneUpdate" => {
+                let entities = frame.entities(topic);
+                let first = entities.iter().find(|entity| entity.is_alive(frame.now));
+                let frame_id = first.map(|first| &first.content.frame_id);
+                scenes.extend(frame_id.map(|frame_id| layer(Kind::Entities(entities), frame_id)));
             }
             "foxglove.PosesInFrame" => {
                 paths.extend(topic.get::<PosesInFrame>().map(|path| layer(Kind::Path(path), &path.frame_id)));
@@ -145,7 +154,7 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     grids.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let grids = grids.into_iter().map(|(_, layer)| layer);
     let tracks = tracks(frame);
-    let mut layers: Vec<_> = grids.chain(clouds).chain(paths).chain(tracks).collect();
+    let mut layers: Vec<_> = grids.chain(clouds).chain(scenes).chain(paths).chain(tracks).collect();
     layers.sort_by_key(Layer::is_ground_truth);
     layers
 }
@@ -387,7 +396,6 @@ mod tests {
     use super::*;
     use crate::samples;
     use rcs_geom::TransformTree;
-    use std::sync::Arc;
 
     #[test]
     fn before_the_first_transform_and_after_the_last_one_the_nearer_one_is_used() {

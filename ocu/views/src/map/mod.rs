@@ -1,4 +1,4 @@
-//! Map view: grids, clouds, paths and tracks from above; up is north, or where the vehicle heads.
+//! Map view: grids, clouds, entities of scenes, paths and tracks from above; up is north, or where the vehicle heads.
 //!
 //! Everything is drawn in one frame, using the transforms of the log or the run. Layers without a transform are listed
 //! with that reason; a track can be aligned with another one by its first metres, and is marked as such. Ground truth
@@ -7,6 +7,7 @@
 mod cell;
 mod cloud;
 mod draft;
+mod entities;
 mod for_camera;
 mod for_scene;
 mod goals;
@@ -30,6 +31,7 @@ use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
 use crate::view::{Preview, SavedState, View, ViewContext};
 use egui::{Context, Pos2, Rect, Response, Role, Sense, Ui, Vec2, WidgetInfo};
+use entities::OnMap;
 pub(crate) use for_camera::{Floor, Ground, OnGround};
 pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
 use grid::Extent;
@@ -127,6 +129,8 @@ pub(crate) struct Map {
     /// Where the menu was opened, in the map's frame.
     menu_at: Option<[f64; 2]>,
     tracks: Tracks,
+    /// The visible entities in this pass, by layer.
+    entities: BTreeMap<String, OnMap>,
     /// Title and start of the source to which the viewport belongs.
     looked_at: Option<(String, Stamp)>,
     /// Map frame in the previous pass.
@@ -145,8 +149,8 @@ impl View for Map {
     }
 
     fn accepts(&self, topic: &Topic) -> bool {
-        const TYPES: [&str; 6] =
-            ["Grid", "PointCloud", "PosesInFrame", "Odometry", "PoseInFrame", "LocationFix"];
+        const TYPES: [&str; 7] =
+            ["Grid", "PointCloud", "PosesInFrame", "SceneUpdate", "Odometry", "PoseInFrame", "LocationFix"];
         let is_ours = matches!(topic.type_name(), "rcs.Plan" | "rcs.ArcChoice" | "rcs.Mission");
         is_ours || topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
     }
@@ -171,7 +175,7 @@ impl View for Map {
             self.saved.frame.as_deref().and_then(|name| frames.iter().copied().find(|frame| *frame == name));
         let Some(map) = chosen.or_else(|| layers::default_frame(cx.frame, &layers)) else {
             let hint =
-                "Positions, maps, point clouds or paths would fill it: play on, or open a log that has some.";
+                "Tracks, maps, clouds, paths or markers would fill it: play on, or open a log that has some.";
             let hint = undrawn::with_hint(hint, ui.ctx(), cx.frame);
             return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", &hint);
         };
@@ -179,6 +183,10 @@ impl View for Map {
         self.fused = layers.iter().any(Layer::is_map);
         self.follow_preview(cx.selection.preview.get());
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
+        let visible = layers.iter().filter(|layer| self.state(layer).shown);
+        let on_map =
+            |layer: &Layer<'_>| Some((layer.name.clone(), OnMap::of(ui.ctx(), cx.frame, map, layer)?));
+        self.entities = visible.filter_map(on_map).collect();
         let roomy = ui.available_width() >= 560.0;
         self.toolbar(ui, cx.frame, map, &frames, roomy);
         let area = ui.available_rect_before_wrap();
@@ -272,6 +280,9 @@ impl Map {
             let color =
                 if is_old { tokens(ui).stale } else { tokens(ui).series(panel::series(layers, index)) };
             match (layer.kind, place(layer)) {
+                (Kind::Entities(_), _) => {
+                    self.flat(layer).iter().for_each(|it| it.paint(&painter, viewport, canvas, &mut labels));
+                }
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
                 (Kind::Plan(plan), Ok(map_from_layer)) => {
                     let at = plan::At { map_from_layer, viewport, canvas };
@@ -378,6 +389,11 @@ impl Map {
         viewport
     }
 
+    /// The entities of a layer from above, if it has some and is visible.
+    fn flat(&self, layer: &Layer<'_>) -> Option<&entities::Flat> {
+        self.entities.get(&layer.name)?.flat.as_deref()
+    }
+
     /// The places on which no text lies: north, the scale, and the legend.
     fn labels(&self, canvas: Rect) -> Labels {
         let mut labels = Labels::default();
@@ -427,6 +443,7 @@ impl Map {
                 (Kind::Cloud, Ok(pose)) => {
                     picture::cloud(ui.ctx(), layer, map, pose).map_or(0, |cloud| cloud.far)
                 }
+                (Kind::Entities(_), _) => self.flat(layer).map_or(0, |flat| flat.far),
                 (Kind::Path(path), Ok(pose)) => {
                     let points: Vec<_> = paint::path_points(path, &pose).collect();
                     let near = Near::of(points.iter().copied());
@@ -482,6 +499,12 @@ impl Map {
                 (Kind::Cloud, Ok(pose)) => {
                     let cloud = picture::cloud(ctx, layer, map, pose);
                     if let Some((min, max)) = cloud.and_then(|cloud| cloud.bounds) {
+                        add(min);
+                        add(max);
+                    }
+                }
+                (Kind::Entities(_), _) => {
+                    if let Some((min, max)) = self.flat(layer).and_then(|flat| flat.bounds) {
                         add(min);
                         add(max);
                     }

@@ -1,5 +1,6 @@
 //! The layer panel with its switches, and the legend.
 
+use super::entities::OnMap;
 use super::grid::{Cells, Shade};
 use super::layers::{self, Kind, Layer};
 use super::uncertainty::{Covariance, SIGMAS};
@@ -102,7 +103,13 @@ impl Map {
             let radius = format::metres(SIGMAS * covariance.most_m(), 2);
             note(ui, format!("± {radius}, two standard deviations"), tokens.weak);
         }
+        let entities = self.entities.get(&layer.name);
+        for (text, is_warning) in entities.map(OnMap::notes).unwrap_or_default() {
+            note(ui, text, if is_warning { tokens.warning } else { tokens.weak });
+        }
         match (layer.kind, layers::map_from_layer(frame, map, layer)) {
+            // Some of them are in other frames, and all is said above.
+            (Kind::Entities(_), _) if entities.is_some_and(|entities| entities.count > 0) => {}
             (Kind::Track { .. }, Err(_)) if placed.is_some_and(|track| track.alignment.is_some()) => {
                 if let Some(alignment) = placed.and_then(|track| track.alignment) {
                     let rms = format::metres(alignment.rms_m, 2);
@@ -259,6 +266,7 @@ fn heading(ui: &mut Ui, layers: &[Layer<'_>], index: usize, state: &mut LayerSta
     let icon = match layer.kind {
         Kind::Grid(_) => icons::ICON_GRID_ON,
         Kind::Cloud => icons::ICON_GRAIN,
+        Kind::Entities(_) => icons::ICON_CATEGORY,
         Kind::Path(_) => icons::ICON_ROUTE,
         Kind::Goal(_) => icons::ICON_FLAG,
         Kind::Plan(_) => icons::ICON_ALT_ROUTE,
@@ -277,7 +285,8 @@ fn heading(ui: &mut Ui, layers: &[Layer<'_>], index: usize, state: &mut LayerSta
             WidgetInfo::selected(Role::CheckBox, true, state.shown, format!("Show {}", layer.name))
         });
         ui.label(icon.rich_text().size(14.0).color(color));
-        let has_extent = matches!(layer.kind, Kind::Grid(_) | Kind::Cloud | Kind::Track { .. });
+        let has_extent =
+            matches!(layer.kind, Kind::Grid(_) | Kind::Cloud | Kind::Entities(_) | Kind::Track { .. });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if has_extent {
                 let name = format!("Zoom to {}", layer.name);

@@ -12,15 +12,21 @@ use rcs_runtime::source::{Frame, Topic};
 const MOST: usize = 8;
 
 /// Canonical types of which the map draws the newest message.
-const DRAWN: [&str; 5] =
-    ["foxglove.Grid", "foxglove.PointCloud", "foxglove.PosesInFrame", "rcs.Plan", "rcs.ArcChoice"];
+const DRAWN: [&str; 6] = [
+    "foxglove.Grid",
+    "foxglove.PointCloud",
+    "foxglove.PosesInFrame",
+    "foxglove.SceneUpdate",
+    "rcs.Plan",
+    "rcs.ArcChoice",
+];
 
 /// Canonical types of which the map draws the track of all messages.
 const TRACKS: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "foxglove.LocationFix"];
 
 /// ROS types whose conversion is refused if the log defines them otherwise than ROS does; then they have no canonical
 /// type.
-const CONVERTED: [&str; 12] = [
+const CONVERTED: [&str; 14] = [
     "geometry_msgs/PolygonStamped",
     "geometry_msgs/PoseArray",
     "geometry_msgs/PoseStamped",
@@ -33,19 +39,18 @@ const CONVERTED: [&str; 12] = [
     "sensor_msgs/LaserScan",
     "sensor_msgs/NavSatFix",
     "sensor_msgs/PointCloud2",
+    "visualization_msgs/Marker",
+    "visualization_msgs/MarkerArray",
 ];
 
 /// Types that show something in space or in a picture, and that no view draws.
-const NOT_DRAWN: [&str; 9] = [
+const NOT_DRAWN: [&str; 6] = [
     "foxglove.CompressedVideo",
     "foxglove.GeoJSON",
-    "foxglove.SceneUpdate",
     "map_msgs/OccupancyGridUpdate",
     "nav_msgs/GridCells",
     "octomap_msgs/Octomap",
     "sensor_msgs/PointCloud",
-    "visualization_msgs/Marker",
-    "visualization_msgs/MarkerArray",
 ];
 
 /// A topic that is not drawn.
@@ -151,18 +156,22 @@ mod tests {
 
     #[test]
     fn a_cloud_that_cannot_be_read_is_listed_with_its_reason_before_types_that_no_view_draws() {
+        let octomap = ros("/octomap", "octomap_msgs/msg/Octomap");
         let markers = ros("/markers", "visualization_msgs/msg/MarkerArray");
-        let texts =
-            texts(vec![markers, ros("/points", "sensor_msgs/msg/PointCloud2"), ros("/text", "a/msg/B")]);
-        assert_eq!(texts.len(), 2, "{texts:?}");
-        assert!(texts[0].starts_with("not drawn: /points: sensor_msgs/msg/PointCloud2 does not decode: "));
-        assert_eq!(texts[1], "not drawn: /markers (visualization_msgs/MarkerArray)");
+        let points = ros("/points", "sensor_msgs/msg/PointCloud2");
+        let texts = texts(vec![octomap, markers, points, ros("/text", "a/msg/B")]);
+        assert_eq!(texts.len(), 3, "{texts:?}");
+        assert!(
+            texts[0].starts_with("not drawn: /markers: visualization_msgs/msg/MarkerArray does not decode: ")
+        );
+        assert!(texts[1].starts_with("not drawn: /points: sensor_msgs/msg/PointCloud2 does not decode: "));
+        assert_eq!(texts[2], "not drawn: /octomap (octomap_msgs/Octomap)");
     }
 
     #[test]
     fn only_topics_with_messages_are_listed_and_no_more_than_fit() {
         let empty = || {
-            let mut topic = ros("/empty", "visualization_msgs/msg/Marker");
+            let mut topic = ros("/empty", "nav_msgs/msg/GridCells");
             topic.messages = 0;
             topic
         };

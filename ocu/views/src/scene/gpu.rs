@@ -1,6 +1,6 @@
 //! Draws the scene offscreen through wgpu, so that it works whichever renderer the window has, and reads it back.
 
-use super::shapes::{BOX, LINE, POINT, Shapes};
+use super::shapes::{BOX, CORNER, LINE, POINT, Shapes};
 use crate::offscreen::Offscreen;
 use glam::DMat4;
 use std::sync::Arc;
@@ -28,15 +28,15 @@ pub(super) struct Pixels {
 pub(super) struct Gpu {
     offscreen: Offscreen,
     layout: wgpu::BindGroupLayout,
-    /// Of points, lines and boxes.
-    pipelines: [wgpu::RenderPipeline; 3],
+    /// Of points, lines, boxes and surfaces.
+    pipelines: [wgpu::RenderPipeline; 4],
     uploaded: Vec<Uploaded>,
 }
 
-/// Instances on the device.
+/// Instances and corners on the device, with their number.
 struct Uploaded {
     shapes: Arc<Shapes>,
-    buffers: [Option<(wgpu::Buffer, u32)>; 3],
+    buffers: [Option<(wgpu::Buffer, u32)>; 4],
 }
 
 impl Gpu {
@@ -101,15 +101,19 @@ impl Gpu {
                 }),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            // Boxes first and lines last, which lie on them.
-            for kind in [2, 0, 1] {
+            // Boxes first, and lines, which lie on them, later; surfaces last, because what is behind them may show through.
+            for kind in [2, 0, 1, 3] {
                 pass.set_pipeline(&self.pipelines[kind]);
-                let vertices = if kind == 2 { 30 } else { 4 };
                 for (uploaded, group) in self.uploaded.iter().zip(&groups) {
                     if let Some((buffer, count)) = &uploaded.buffers[kind] {
                         pass.set_bind_group(0, group, &[]);
                         pass.set_vertex_buffer(0, buffer.slice(..));
-                        pass.draw(0..vertices, 0..*count);
+                        let (vertices, instances) = match kind {
+                            3 => (*count, 1),
+                            2 => (30, *count),
+                            _ => (4, *count),
+                        };
+                        pass.draw(0..vertices, 0..instances);
                     }
                 }
             }
@@ -133,7 +137,12 @@ impl Gpu {
                 old.swap_remove(index)
             } else {
                 let shapes = &draw.shapes;
-                let kinds = [(&shapes.points, POINT), (&shapes.lines, LINE), (&shapes.boxes, BOX)];
+                let kinds = [
+                    (&shapes.points, POINT),
+                    (&shapes.lines, LINE),
+                    (&shapes.boxes, BOX),
+                    (&shapes.surfaces, CORNER),
+                ];
                 let buffers = kinds.map(|(bytes, size)| self.buffer(bytes, size));
                 Uploaded { shapes: Arc::clone(shapes), buffers }
             };
@@ -177,7 +186,7 @@ impl Gpu {
     }
 }
 
-fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::RenderPipeline; 3] {
+fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::RenderPipeline; 4] {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("scene"),
         source: wgpu::ShaderSource::Wgsl(include_str!("scene.wgsl").into()),
@@ -190,13 +199,15 @@ fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::Re
     let points = wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4];
     let lines = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Unorm8x4, 3 => Float32];
     let boxes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Unorm8x4];
-    let strip = wgpu::PrimitiveTopology::TriangleStrip;
-    let kinds: [(&str, usize, &[wgpu::VertexAttribute], _); 3] = [
+    let (strip, list) = (wgpu::PrimitiveTopology::TriangleStrip, wgpu::PrimitiveTopology::TriangleList);
+    let kinds: [(&str, usize, &[wgpu::VertexAttribute], _); 4] = [
         ("point", POINT, &points, strip),
         ("line", LINE, &lines, strip),
-        ("cell", BOX, &boxes, wgpu::PrimitiveTopology::TriangleList),
+        ("cell", BOX, &boxes, list),
+        ("surface", CORNER, &points, list),
     ];
     kinds.map(|(entry, stride, attributes, topology)| {
+        let is_surface = entry == "surface";
         device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(entry),
             layout: Some(&layout),
@@ -205,7 +216,11 @@ fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::Re
                 entry_point: Some(entry),
                 buffers: &[Some(wgpu::VertexBufferLayout {
                     array_stride: stride as u64,
-                    step_mode: wgpu::VertexStepMode::Instance,
+                    step_mode: if is_surface {
+                        wgpu::VertexStepMode::Vertex
+                    } else {
+                        wgpu::VertexStepMode::Instance
+                    },
                     attributes,
                 })],
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
@@ -224,7 +239,7 @@ fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::Re
                 entry_point: Some("paint"),
                 targets: &[Some(wgpu::ColorTargetState {
                     format: COLOR,
-                    blend: None,
+                    blend: is_surface.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
                     write_mask: wgpu::ColorWrites::ALL,
                 })],
                 compilation_options: wgpu::PipelineCompilationOptions::default(),

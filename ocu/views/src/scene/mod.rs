@@ -1,4 +1,5 @@
-//! Scene view: clouds, grids with heights, paths, tracks, coordinate frames and the vehicle in three dimensions.
+//! Scene view: clouds, grids with heights, paths, tracks, entities of scenes (such as markers), coordinate frames and the
+//! vehicle in three dimensions.
 //!
 //! It is drawn by a thread of its own through wgpu, offscreen, and shown as a texture, so that it works under either
 //! renderer of the window, and its cost is not that of the interface. What is under the pointer is found by the depth of
@@ -93,7 +94,8 @@ impl View for Scene {
     }
 
     fn accepts(&self, topic: &Topic) -> bool {
-        const TYPES: [&str; 5] = ["Grid", "PointCloud", "PosesInFrame", "Odometry", "PoseInFrame"];
+        const TYPES: [&str; 6] =
+            ["Grid", "PointCloud", "PosesInFrame", "SceneUpdate", "Odometry", "PoseInFrame"];
         topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
     }
 
@@ -114,7 +116,7 @@ impl View for Scene {
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
         let Some((scene, placed)) = map::placed(cx.frame, self.saved.frame.as_deref()) else {
             let hint =
-                "Point clouds, maps, poses or paths would fill it: play on, or open a log that has some.";
+                "Clouds, maps, poses, paths or markers would fill it: play on, or open a log that has some.";
             return widgets::empty(ui, icons::ICON_VIEW_IN_AR, "Nothing to draw in space", hint);
         };
         if self.frame_id != scene {
@@ -225,6 +227,7 @@ impl Scene {
         if self.saved.axes {
             frame_names(ui, cx.frame, scene, &matrix, canvas);
         }
+        entity_texts(ui, &shown, &matrix, canvas);
         let pointed = response.hover_pos().and_then(|at| {
             let part = (at - canvas.min) / canvas.size();
             let [width, height] = picture.image.size;
@@ -380,6 +383,7 @@ impl Scene {
             let content = match &layer.thing {
                 Thing::Grid(message) => Content::Grid(SameMessage((*message).clone())),
                 Thing::Cloud(message) => Content::Cloud(SameMessage((*message).clone())),
+                Thing::Entities(placed) => Content::Entities(placed.clone()),
                 Thing::Path(points) => {
                     let mut shapes = Shapes::default();
                     shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.1), color, 3.0);
@@ -450,5 +454,23 @@ fn frame_names(ui: &Ui, frame: &Frame, scene: &str, matrix: &glam::DMat4, canvas
         taken.push(place);
         painter.rect_filled(place.expand2(Vec2::new(3.0, 0.0)), 2.0, tokens.surface[3].gamma_multiply(0.7));
         painter.galley(place.min, galley, tokens.text);
+    }
+}
+
+/// The texts of entities, of one size on the screen.
+fn entity_texts(ui: &Ui, shown: &[&Placed<'_>], matrix: &glam::DMat4, canvas: Rect) {
+    let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
+    for layer in shown {
+        let Thing::Entities(placed) = &layer.thing else { continue };
+        for text in placed.texts() {
+            let Some(at) = project(matrix, canvas, text.at).filter(|at| canvas.contains(*at)) else {
+                continue;
+            };
+            let galley = painter.layout_no_wrap(text.text, FontId::proportional(12.0), text.color);
+            let place = Align2::CENTER_CENTER.anchor_size(at, galley.size());
+            let plate = place.expand2(Vec2::new(3.0, 0.0));
+            painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.7));
+            painter.galley(place.min, galley, text.color);
+        }
     }
 }

@@ -1,4 +1,4 @@
-// Instances of points, lines and boxes: see shapes.rs and gpu.rs.
+// Instances of points, lines and boxes, and triangles of surfaces: see shapes.rs and gpu.rs.
 
 struct View {
     // From the shapes' own frame to clip coordinates.
@@ -86,6 +86,11 @@ fn cell(
     }
     let at = view.matrix * vec4<f32>(corner + unit * extent, 1.0);
     return Out(at, vec4<f32>(color.rgb * shade, color.a));
+}
+
+@vertex
+fn surface(@location(0) p: vec3<f32>, @location(1) color: vec4<f32>) -> Out {
+    return Out(view.matrix * vec4<f32>(p, 1.0), color);
 }
 
 @fragment

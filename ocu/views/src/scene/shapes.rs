@@ -1,6 +1,8 @@
-//! What the scene draws, as instances for the graphics processor: points, lines, and boxes for the cells of grids.
+//! What the scene draws, for the graphics processor: instances of points, lines, and boxes for the cells of grids, and
+//! the triangles of surfaces.
 
 use crate::map::CellColors;
+use crate::primitives::{Faces, PlacedEntities, Primitives, Solid, Width};
 use egui::Color32;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::PointCloud;
@@ -25,6 +27,8 @@ pub(super) struct Shapes {
     pub(super) lines: Vec<u8>,
     /// Lower corner, extent, colour.
     pub(super) boxes: Vec<u8>,
+    /// Corners of triangles: x, y, z, colour.
+    pub(super) surfaces: Vec<u8>,
     /// Bounds without outliers, in the shapes' own frame, once the shapes are finished; `None` if they do not count for
     /// what the scene is fitted to.
     pub(super) bounds: Option<[DVec3; 2]>,
@@ -32,7 +36,13 @@ pub(super) struct Shapes {
     places: Vec<DVec3>,
 }
 
-/// Sizes of the instances, bytes.
+/// Width of lines whose width is in metres, screen points.
+const LINE_WIDTH: f32 = 2.0;
+/// Direction from which surfaces are lit.
+const LIGHT: DVec3 = DVec3::new(0.3, 0.2, 0.933);
+
+/// Sizes of the instances and of a corner of a surface, bytes.
+pub(super) const CORNER: usize = 16;
 pub(super) const POINT: usize = 16;
 pub(super) const LINE: usize = 32;
 pub(super) const BOX: usize = 28;
@@ -129,6 +139,48 @@ impl Shapes {
         Ok(shapes.finish())
     }
 
+    /// Entities of a scene relative to their anchor, without texts.
+    pub(super) fn entities(placed: &PlacedEntities) -> Self {
+        let all = Primitives::of(placed, placed.anchor());
+        let mut shapes = Self::default();
+        for solid in &all.solids {
+            shapes.solid(solid, all.sides());
+        }
+        for triangle in &all.triangles {
+            let corners = triangle.map(|(p, _)| p);
+            shapes.places.extend(corners);
+            // Both sides are seen.
+            let shade = shade(corners).max(shade([corners[0], corners[2], corners[1]]));
+            shapes.surface(triangle.map(|(p, color)| (p, shaded(color, shade))));
+        }
+        for line in &all.lines {
+            let width = match line.width {
+                Width::Metres(_) => LINE_WIDTH,
+                Width::ScreenPoints(width) => width.clamp(1.0, 16.0) as f32,
+            };
+            shapes.strip(line.points.iter().copied(), line.color, width);
+        }
+        shapes.finish()
+    }
+
+    fn solid(&mut self, solid: &Solid, sides: usize) {
+        let (middle, reach) = (solid.pose.translation, solid.reach());
+        self.places.extend([middle - reach, middle + reach]);
+        let Faces { corners, faces } = solid.faces(sides);
+        for face in faces {
+            let corners = face.map(|index| corners[index]);
+            let color = shaded(solid.color, shade(corners));
+            self.surface(corners.map(|p| (p, color)));
+        }
+    }
+
+    fn surface(&mut self, corners: [(DVec3, Color32); 3]) {
+        for (p, color) in corners {
+            floats(&mut self.surfaces, p);
+            self.surfaces.extend(color.to_array());
+        }
+    }
+
     /// The shapes with their bounds.
     pub(super) fn finish(mut self) -> Self {
         self.bounds = spread(std::mem::take(&mut self.places).into_iter());
@@ -178,6 +230,16 @@ impl Shapes {
     }
 }
 
+/// Brightness of a face that is seen from where its corners are counter-clockwise, 0 to 1.
+fn shade([a, b, c]: [DVec3; 3]) -> f32 {
+    (0.7 + 0.3 * (b - a).cross(c - a).normalize_or_zero().dot(LIGHT)) as f32
+}
+
+fn shaded(color: Color32, shade: f32) -> Color32 {
+    let [r, g, b] = [color.r(), color.g(), color.b()].map(|v| (f32::from(v) * shade) as u8);
+    Color32::from_rgba_premultiplied(r, g, b, color.a())
+}
+
 /// Pose of a grid's cells in the frame of its message; the identity for other messages.
 pub(super) fn grid_pose(grid: &AnyMessage) -> Pose {
     GridView::of(grid).map_or(Pose::IDENTITY, |view| view.frame_from_grid())
@@ -209,6 +271,8 @@ fn floats(bytes: &mut Vec<u8>, p: DVec3) {
 mod tests {
     use super::*;
     use crate::samples;
+    use rcs_msg::{Stamp, foxglove};
+    use rcs_runtime::source::Entity;
 
     #[test]
     fn every_plausible_point_becomes_an_instance_and_no_other() {
@@ -233,6 +297,36 @@ mod tests {
         assert!(min.x <= 1.0 && max.x < 40.0, "{min} {max}");
         assert_eq!(spread([DVec3::ZERO, DVec3::X].into_iter()), Some([DVec3::ZERO, DVec3::X]));
         assert_eq!(spread([].into_iter()), None);
+    }
+
+    #[test]
+    fn entities_become_lit_surfaces_and_lines_around_their_anchor() {
+        let pose = |x: f64| {
+            let position = Some(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+            Some(foxglove::Pose { position, orientation: None })
+        };
+        let (size, color) = (Some(foxglove::Vector3 { x: 2.0, y: 2.0, z: 2.0 }), None);
+        let end = |x: f64| foxglove::Point3 { x, y: 0.0, z: 0.0 };
+        let points = vec![end(5e6), end(5e6 + 1.0), end(5e6 + 2.0)];
+        let entity = foxglove::SceneEntity {
+            cubes: vec![foxglove::CubePrimitive { pose: pose(5e6), size, color }],
+            lines: vec![foxglove::LinePrimitive { points, ..Default::default() }],
+            ..Default::default()
+        };
+        let entity = std::sync::Arc::new(Entity::new(entity, Stamp(0)));
+        let placed = PlacedEntities(vec![(entity, Pose::IDENTITY)].into());
+        let shapes = Shapes::entities(&placed);
+        assert_eq!(shapes.lines.len(), 2 * LINE);
+        assert_eq!(
+            shapes.surfaces.len(),
+            16 * 3 * CORNER,
+            "four triangles at the bottom and the top, eight beside"
+        );
+        assert_eq!(shapes.bounds, Some([DVec3::splat(-1.0), DVec3::new(2.0, 1.0, 1.0)]));
+        let mut shades: Vec<u8> = shapes.surfaces.chunks_exact(CORNER).map(|corner| corner[12]).collect();
+        shades.sort_unstable();
+        shades.dedup();
+        assert!(shades.len() >= 4, "sides are told apart: {shades:?}");
     }
 
     #[test]

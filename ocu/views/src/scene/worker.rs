@@ -6,6 +6,7 @@ use super::gpu::{Draw, Gpu, Pixels};
 use super::shapes::{Shapes, grid_pose};
 use crate::cached::SameMessage;
 use crate::map::CellColors;
+use crate::primitives::PlacedEntities;
 use egui::ColorImage;
 use glam::DMat4;
 use ocu_ui::palette::MapPalette;
@@ -22,6 +23,8 @@ use std::time::{Duration, Instant};
 pub(super) enum Content {
     Grid(SameMessage),
     Cloud(SameMessage),
+    /// In the frame of the scene.
+    Entities(PlacedEntities),
     Made(Arc<Shapes>),
 }
 
@@ -36,7 +39,7 @@ impl Layer {
     /// Whether it has anything to be fitted to.
     pub(super) fn has_content(&self) -> bool {
         match &self.content {
-            Content::Grid(_) | Content::Cloud(_) => true,
+            Content::Grid(_) | Content::Cloud(_) | Content::Entities(_) => true,
             Content::Made(shapes) => shapes.bounds.is_some(),
         }
     }
@@ -149,34 +152,47 @@ impl Drop for Worker {
     }
 }
 
-/// Shapes by layer, with the message that they were made of.
+/// Shapes by layer, with what they were made of.
 #[derive(Default)]
-struct Prepared(BTreeMap<String, (SameMessage, MapPalette, Made)>);
+struct Prepared(BTreeMap<String, (Source, MapPalette, Made)>);
+
+/// What shapes are made of, compared by identity.
+#[derive(Clone, PartialEq)]
+enum Source {
+    Grid(SameMessage),
+    Cloud(SameMessage),
+    Entities(PlacedEntities),
+}
 
 /// Shapes, or why a message has none.
 type Made = Result<Arc<Shapes>, String>;
 
 impl Prepared {
     fn shapes(&mut self, layer: &Layer, palette: MapPalette) -> Result<Arc<Shapes>, String> {
-        let (message, is_grid) = match &layer.content {
+        let source = match &layer.content {
             Content::Made(shapes) => return Ok(Arc::clone(shapes)),
-            Content::Grid(message) => (message, true),
-            Content::Cloud(message) => (message, false),
+            Content::Grid(message) => Source::Grid(message.clone()),
+            Content::Cloud(message) => Source::Cloud(message.clone()),
+            Content::Entities(placed) => Source::Entities(placed.clone()),
         };
         if let Some((known, of, shapes)) = self.0.get(&layer.name)
-            && known == message
+            && *known == source
             && *of == palette
         {
             return shapes.clone();
         }
-        let made = if is_grid {
-            CellColors::of(&message.0, palette).and_then(|colors| Shapes::grid(&message.0, &colors))
-        } else {
-            let cloud = message.0.get::<PointCloud>().ok_or("it is no point cloud".to_owned());
-            cloud.and_then(Shapes::cloud)
+        let made = match &source {
+            Source::Grid(message) => {
+                CellColors::of(&message.0, palette).and_then(|colors| Shapes::grid(&message.0, &colors))
+            }
+            Source::Cloud(message) => {
+                let cloud = message.0.get::<PointCloud>().ok_or("it is no point cloud".to_owned());
+                cloud.and_then(Shapes::cloud)
+            }
+            Source::Entities(placed) => Ok(Shapes::entities(placed)),
         };
         let made = made.map(Arc::new);
-        self.0.insert(layer.name.clone(), (message.clone(), palette, made.clone()));
+        self.0.insert(layer.name.clone(), (source, palette, made.clone()));
         made
     }
 }
@@ -189,6 +205,7 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
             Ok(made) => {
                 let pose = match &layer.content {
                     Content::Grid(message) => layer.pose * grid_pose(&message.0),
+                    Content::Entities(placed) => layer.pose * Pose::from_translation(placed.anchor()),
                     Content::Cloud(_) | Content::Made(_) => layer.pose,
                 };
                 shapes.push((made, pose));
