@@ -82,7 +82,13 @@ fn compare(a: Data, b: Data, f: impl Fn(f64, f64) -> bool) -> Data {
     truth(both(a, b, |a, b| as_number(f(a, b))))
 }
 
-/// Equality, also of a state with its name. A name that the states do not have, so far or at all, equals none of them.
+/// Whether a value is true; a gap is not.
+fn is_true(value: f64) -> bool {
+    value != 0.0 && !value.is_nan()
+}
+
+/// Equality (if `wanted`) or inequality, also of a state with its name. At a gap neither is true. A name that the states
+/// do not have, so far or at all, equals none of them.
 fn equal(a: Data, b: Data, wanted: bool) -> Data {
     match (a, b) {
         (Data::Points(points), Data::Name(name)) | (Data::Name(name), Data::Points(points)) => {
@@ -91,9 +97,10 @@ fn equal(a: Data, b: Data, wanted: bool) -> Data {
             }
             let number =
                 points.names.iter().find(|(_, known)| **known == name).map(|(&number, _)| number as f64);
-            truth(each(Data::Points(points), |value| as_number((number == Some(value)) == wanted)))
+            let is = |value: f64| !value.is_nan() && (number == Some(value)) == wanted;
+            truth(each(Data::Points(points), |value| as_number(is(value))))
         }
-        (a, b) => compare(a, b, |a, b| (a == b) == wanted),
+        (a, b) => compare(a, b, |a, b| !a.is_nan() && !b.is_nan() && (a == b) == wanted),
     }
 }
 
@@ -132,8 +139,8 @@ impl MakeOperators<Data> for Operators {
         let call = |name, apply| Operator::make_bin(name, binary(apply, 9));
         let unary = Operator::make_unary;
         vec![
-            bin("||", 0, |a, b| compare(a, b, |a, b| a != 0.0 || b != 0.0)),
-            bin("&&", 1, |a, b| compare(a, b, |a, b| a != 0.0 && b != 0.0)),
+            bin("||", 0, |a, b| compare(a, b, |a, b| is_true(a) || is_true(b))),
+            bin("&&", 1, |a, b| compare(a, b, |a, b| is_true(a) && is_true(b))),
             bin("==", 2, |a, b| equal(a, b, true)),
             bin("!=", 2, |a, b| equal(a, b, false)),
             bin("<=", 3, |a, b| compare(a, b, |a, b| a <= b)),

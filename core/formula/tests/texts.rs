@@ -52,6 +52,39 @@ fn operators_have_their_usual_order() {
 }
 
 #[test]
+fn no_comparison_is_true_at_a_gap() {
+    let at_gap = |text: &str| {
+        let formula: Formula = text.parse().unwrap();
+        let points = |field: &FieldRef| match field.topic.as_str() {
+            // Both are known at 1 s and missing at 2 s.
+            "/s" => {
+                let names = [(1, "EXEC".into()), (3, "ERROR".into())];
+                let points = Points::from_seconds(&[(1.0, 1.0), (2.0, f64::NAN)]);
+                Points { names: Arc::new(names.into()), ..points }
+            }
+            "/a" => Points::from_seconds(&[(1.0, 1.0), (2.0, f64::NAN)]),
+            _ => Points::from_seconds(&[(1.0, 1.0), (2.0, 1.0)]),
+        };
+        let fields: Vec<Points> = formula.fields().iter().map(points).collect();
+        formula.eval(&fields).unwrap().values.to_vec()
+    };
+    for (text, before) in [
+        ("/s.state != ERROR", 1.0),
+        ("/s.state != DONE", 1.0),
+        ("/s.state != 3", 1.0),
+        ("/s.state == EXEC", 1.0),
+        ("/a.x != 3", 1.0),
+        ("/a.x != /b.x", 0.0),
+        ("/b.x != /a.x", 0.0),
+        ("/a.x && /b.x", 1.0),
+        ("/a.x || /a.x", 1.0),
+    ] {
+        assert_eq!(at_gap(text), [before, 0.0], "{text}");
+    }
+    assert_eq!(at_gap("/a.x || /b.x"), [1.0, 1.0], "the other side is true");
+}
+
+#[test]
 fn a_wrong_text_is_refused_and_says_where() {
     for (text, part) in [
         ("", "expected a field"),

@@ -208,6 +208,14 @@ fn a_message_within_and_a_list_of_messages_have_their_defaults_and_specs() {
 }
 
 #[test]
+fn a_field_of_a_group_has_the_default_that_the_group_gives_it() {
+    let descriptor = nested();
+    for (path, default) in [("mount.yaw_deg", 90.0), ("mount.x_m", 1.0), ("sources[0].mount.yaw_deg", 0.0)] {
+        assert_eq!(find(&descriptor, path).expect(path).default, Value::Float(default), "{path}");
+    }
+}
+
+#[test]
 fn what_lies_within_is_set_by_its_path_and_keeps_what_is_not_named() {
     let mut message = defaults(&nested());
     for (path, text) in [

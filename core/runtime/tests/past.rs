@@ -6,9 +6,10 @@
 mod common;
 
 use common::{PAIR, seconds, stepped, write_log};
+use rcs_formula::FieldRef;
 use rcs_log::Log;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
-use rcs_runtime::source::{Frame, RunTag, Source, StackSource, Step, Task, finish_idle};
+use rcs_runtime::source::{EventKind, Frame, RunTag, Source, StackSource, Step, Task, finish_idle};
 use rcs_runtime::{
     Cycle, ExternalEvent, Out, PastOptions, Plan, PortBuilder, Process, ProcessDef, ProcessType,
     RecordOptions, Recording, RunId, RunOptions, Session, Snapshot, StackFile, Stepped,
@@ -294,6 +295,46 @@ fn tracks_and_topics_follow_the_run_after_the_first_branch_and_after_the_second(
     let left: Vec<_> = runs.iter().map(|run| run.branched_from.map(|(from, at)| (from.run, at))).collect();
     // The second branch leaves the first branch's run, at a moment that the first run has, too.
     assert_eq!(left, [None, Some((RunId(0), seconds(4.0))), Some((RunId(1), seconds(4.0)))]);
+}
+
+#[test]
+fn what_is_written_in_the_past_belongs_to_the_run_that_it_begins() {
+    let mut source = walk(PastOptions::default());
+    let task = Task::default();
+    let field = FieldRef { topic: "/walker/params".to_owned(), path: "publish_hz".parse().unwrap() };
+    source.gather(std::slice::from_ref(&field));
+    // The speeds that were written, and the acts of the operator, with their times.
+    let written = |frame: &Frame, run: u32| {
+        let points = &frame.field(&field, RunTag::Run(RunId(run))).unwrap().points;
+        let later = points.sample(100).into_iter().filter(|point| point.stamp >= seconds(1.0));
+        later.map(|point| (point.stamp, point.value)).collect::<Vec<_>>()
+    };
+    let acts = |frame: &Frame, run: u32| {
+        let events = frame.events.iter().find(|events| events.run == RunTag::Run(RunId(run))).unwrap();
+        let mut acts = Vec::new();
+        events.each_from(0, |_, event| {
+            if event.kind == EventKind::Operator {
+                acts.push(event.stamp);
+            }
+        });
+        acts
+    };
+    source.seek(seconds(6.0), &task).unwrap();
+    set_speed(&mut source, 5.0);
+    source.seek(seconds(4.0), &task).unwrap();
+    set_speed(&mut source, 10.0);
+    let frame = source.frame();
+    assert_eq!(frame.runs.current(), RunId(1));
+    assert_eq!(written(&frame, 0), [(seconds(6.0), 5.0)]);
+    assert_eq!(written(&frame, 1), [(seconds(4.0), 10.0)]);
+    assert_eq!((acts(&frame, 0), acts(&frame, 1)), (vec![seconds(6.0)], vec![seconds(4.0)]));
+    // Of two writes at one moment, the first belongs to both runs and the undone one only to its own.
+    set_speed(&mut source, 20.0);
+    assert!(source.undo().unwrap());
+    let frame = source.frame();
+    assert_eq!(frame.runs.current(), RunId(2));
+    assert_eq!(written(&frame, 1), [(seconds(4.0), 10.0), (seconds(4.0), 20.0)]);
+    assert_eq!(written(&frame, 2), [(seconds(4.0), 10.0)]);
 }
 
 #[test]

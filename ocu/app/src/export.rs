@@ -7,8 +7,10 @@ use crate::{Ended, stacks, usage};
 use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_formula::{FieldRef, Formula, Over, Points};
+use rcs_msg::Stamp;
 use rcs_runtime::source::{FieldSeries, exact_points, read_fields};
 use std::io::Write;
+use std::ops::RangeInclusive;
 
 /// Writes the table named on the command line.
 pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
@@ -31,23 +33,27 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let at = |seconds: f64| info.start.after_ns((seconds * 1e9).round() as u64);
     let times = at(args.from)..=args.to.map_or(info.end, at);
 
-    let mut fields: Vec<FieldRef> = formulas.iter().flat_map(|formula| formula.fields().to_vec()).collect();
-    fields.sort_unstable();
-    fields.dedup();
-    let series = read_fields(&log, &fields, times.clone());
-    if let Some(wrong) = series.iter().find(|series| series.problem.is_some() && series.points.is_empty()) {
+    // What is computed depends on values outside of a range, too: an integral begins with the recording, and a state
+    // holds until its next message.
+    let whole = info.start..=info.end;
+    let (computed, others): (Vec<&Formula>, Vec<&Formula>) =
+        formulas.iter().partition(|formula| times != whole && formula.as_field().is_none());
+    let inputs = read_fields(&log, &fields_of(&computed), whole);
+    let series = read_fields(&log, &fields_of(&others), times.clone());
+    let all = || inputs.iter().chain(&series);
+    if let Some(wrong) = all().find(|series| series.problem.is_some() && series.points.is_empty()) {
         let problem = wrong.problem.as_deref().unwrap_or_default();
         return Err(usage(format!("{}: {problem}: {}", wrong.field, args.log.display())));
     }
     let mut columns: Vec<(String, Points)> = Vec::new();
     for (formula, text) in formulas.iter().zip(&args.fields) {
-        let of = |field: &FieldRef| series.iter().find(|series| series.field == *field);
-        let points = if let Some(alone) = formula.as_field().and_then(of) {
+        let alone = formula.as_field().and_then(|field| series.iter().find(|series| series.field == *field));
+        let points = if let Some(alone) = alone {
             exact_points(&log, alone, &times)
         } else {
-            let inputs: Vec<Points> =
-                formula.fields().iter().filter_map(|field| of(field).map(FieldSeries::all)).collect();
-            formula.eval(&inputs).map_err(|error| usage(format!("{error}")))?
+            let of = |field: &FieldRef| all().find(|series| series.field == *field).map(FieldSeries::all);
+            let values: Vec<Points> = formula.fields().iter().filter_map(of).collect();
+            within(formula.eval(&values).map_err(|error| usage(format!("{error}")))?, &times)
         };
         if points.over == Over::Frequency {
             return Err(usage(format!("{text} is over frequency; expected a formula over time")));
@@ -65,14 +71,32 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     for (name, points) in &columns {
         writeln!(out, "{name}: {} values", format::count(points.len() as u64))?;
     }
-    for series in &series {
-        if let Some(problem) = &series.problem {
-            writeln!(out, "{}: {problem}", series.field)?;
-        }
+    let problem = |series: &FieldSeries| Some(format!("{}: {}", series.field, series.problem.as_deref()?));
+    let mut problems: Vec<String> = all().filter_map(problem).collect();
+    problems.sort_unstable();
+    problems.dedup();
+    for problem in problems {
+        writeln!(out, "{problem}")?;
     }
     // Includes damage found while reading.
     for problem in log.problems() {
         writeln!(out, "{problem}")?;
     }
     Ok(if log.problems().is_empty() { Ended::Well } else { Ended::Damaged })
+}
+
+/// The fields of these formulas, each once.
+fn fields_of(formulas: &[&Formula]) -> Vec<FieldRef> {
+    let mut fields: Vec<FieldRef> = formulas.iter().flat_map(|formula| formula.fields().to_vec()).collect();
+    fields.sort_unstable();
+    fields.dedup();
+    fields
+}
+
+/// The points between two times.
+fn within(points: Points, times: &RangeInclusive<Stamp>) -> Points {
+    let from = points.stamps.partition_point(|stamp| stamp < times.start());
+    let to = points.stamps.partition_point(|stamp| stamp <= times.end()).max(from);
+    let (stamps, values) = (points.stamps[from..to].into(), points.values[from..to].into());
+    Points { stamps, values, ..points }
 }

@@ -36,6 +36,8 @@ pub struct SweptRun {
     pub title: String,
     /// The log that it read.
     pub log: Option<PathBuf>,
+    /// Further files of it, if it was split and they are named.
+    pub parts: Vec<PathBuf>,
 }
 
 /// What is between the parts of a source's title.

@@ -264,6 +264,14 @@ mod tests {
     }
 
     #[test]
+    fn a_value_that_is_the_default_elsewhere_but_not_in_this_group_is_written() {
+        // 0.5 s is the default of a pose's age, but a world model has another one.
+        let lines =
+            difference(text("simulation"), &edited("simulation", "wm1", &[("pose.max_age_s", "0.5")]));
+        assert!(lines.iter().any(|line| line.contains("max_age_s = 0.5")), "{lines:?}");
+    }
+
+    #[test]
     fn a_file_in_force_is_not_written_and_hinders_nothing() {
         let changes = [("route", "blake3:0123"), ("jump_m", "7.5")];
         let lines = difference(text("lagr"), &edited("lagr", "waypoint_generator", &changes));

@@ -91,14 +91,18 @@ fn open_parts(files: &[PathBuf]) -> anyhow::Result<Log> {
     Ok(Log::open_parts(files)?.with_codecs(rcs_runtime::codecs(rcs_plugins::all())))
 }
 
+/// Opens a recording like [`open_log`], or of these files if `parts` names further ones.
+pub(crate) fn open_named(path: &Path, parts: &[PathBuf]) -> anyhow::Result<Log> {
+    if parts.is_empty() {
+        return open_log(path);
+    }
+    let files: Vec<PathBuf> = std::iter::once(path.to_owned()).chain(parts.iter().cloned()).collect();
+    open_parts(&files)
+}
+
 /// The recording of a request.
 fn log_of(request: &Request) -> anyhow::Result<Option<Log>> {
-    let Some(path) = &request.log else { return Ok(None) };
-    if request.parts.is_empty() {
-        return Ok(Some(open_log(path)?));
-    }
-    let files: Vec<PathBuf> = std::iter::once(path).chain(&request.parts).cloned().collect();
-    Ok(Some(open_parts(&files)?))
+    request.log.as_ref().map(|path| open_named(path, &request.parts)).transpose()
 }
 
 /// The course of a stack: the given one, else that of the recorded run which it reads, so that it drives to the goal of then.
@@ -158,7 +162,7 @@ fn repeat(recording: &Log, run: Option<&SweptRun>) -> anyhow::Result<Box<dyn Sou
     let log = match recorded.info().log.as_str() {
         "" => None,
         identity => {
-            let known = run.and_then(|run| Log::open(run.log.as_ref()?).ok());
+            let known = run.and_then(|run| open_named(run.log.as_ref()?, &run.parts).ok());
             let known = known.filter(|log| log.identity().is_ok_and(|found| found == identity));
             Some(known.map_or_else(|| beside(&recording.info().path, identity), Ok)?)
         }
@@ -178,8 +182,14 @@ fn beside(recording: &Path, identity: &str) -> anyhow::Result<Log> {
     paths.sort();
     let is_log =
         |path: &PathBuf| path != recording && path.extension().is_some_and(|ending| ending == "mcap");
-    for path in paths.iter().filter(|path| is_log(path)).take(MOST_LOGS) {
-        let log = Log::open(path).ok();
+    // A file may be the first part of a recording, and may have been read alone.
+    let readings = |path: &PathBuf| {
+        let parts = parts::of(path).unwrap_or_default();
+        let alone = (parts.len() > 1).then(|| vec![path.clone()]);
+        (!parts.is_empty()).then_some(parts).into_iter().chain(alone)
+    };
+    for files in paths.iter().filter(|path| is_log(path)).take(MOST_LOGS).flat_map(readings) {
+        let log = open_parts(&files).ok();
         if let Some(log) = log.filter(|log| log.identity().is_ok_and(|found| found == identity)) {
             return Ok(log);
         }

@@ -126,7 +126,7 @@ pub(crate) struct Prepared<'a> {
 impl<'a> Prepared<'a> {
     /// Refuses what cannot run, before anything runs; makes the folder of the recordings.
     pub(crate) fn new(args: &'a SweepArgs) -> anyhow::Result<Self> {
-        let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+        let log = args.log.as_ref().map(|log| stacks::open_named(log, &args.parts)).transpose()?;
         let variants = variants(args, log.as_ref())?;
         for variant in &variants {
             runs::check(&variant.plan, log.as_ref(), args.until, args.course.is_some())?;
@@ -214,6 +214,7 @@ fn check_files(args: &SweepArgs, variants: &[Variant]) -> anyhow::Result<()> {
     let mut files = Files::new(args.force);
     if let Some(log) = &args.log {
         files.reads_log("the log", log);
+        args.parts.iter().for_each(|part| files.reads("the log", part));
     }
     for path in crate::assets::files_read() {
         files.reads("a file that the stack names", &path);

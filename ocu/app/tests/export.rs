@@ -62,6 +62,28 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
 }
 
 #[test]
+fn what_is_computed_has_the_same_values_in_a_range_as_in_the_whole_recording() {
+    let (dir, log) = recording();
+    let formulas = [format!("integral({X})"), format!("smooth({X}, 0.4)"), format!("difference({X})")];
+    let [integral, smooth, difference] = formulas.each_ref().map(String::as_str);
+    let export = |name: &str, range: &[&str]| {
+        let csv = dir.path().join(name);
+        let fields = ["export", text(&log), "--fields", X, integral, smooth, difference];
+        let (code, out, errors) = ocu(&[&fields[..], range, &["-o", text(&csv)]].concat());
+        assert_eq!(code, 0, "{errors}");
+        (std::fs::read_to_string(&csv).unwrap(), out)
+    };
+    let (whole, _) = export("whole.csv", &[]);
+    let (part, told) = export("part.csv", &["--from", "0.5", "--to", "1.25"]);
+    let time = |line: &str| line.split(',').next().unwrap().parse::<f64>().unwrap();
+    let wanted: Vec<&str> = whole.lines().skip(1).filter(|line| (0.5..=1.25).contains(&time(line))).collect();
+    let got: Vec<&str> = part.lines().skip(1).collect();
+    assert!(wanted.len() > 5, "{whole}");
+    assert_eq!(got, wanted);
+    assert!(told.contains(&format!("{integral}: {} values", wanted.len())), "{told}");
+}
+
+#[test]
 fn the_hierarchy_of_a_stack_and_of_its_recording_are_the_same() {
     let dir = tempfile::tempdir().unwrap();
     let run = dir.path().join("run.mcap");

@@ -97,6 +97,9 @@ impl Shelf {
             Ok(formula) => formula.clone(),
             Err(problem) => return Shown { problem: Some(Arc::clone(problem)), ..Shown::default() },
         };
+        if let Some(problem) = absent(frame, run) {
+            return Shown { problem: Some(problem), ..Shown::default() };
+        }
         let tag = tag(frame, run);
         let series: Vec<Option<&FieldSeries>> =
             formula.fields().iter().map(|field| frame.field(field, tag)).collect();
@@ -109,12 +112,14 @@ impl Shelf {
                     problem: one.problem.clone(),
                     over: Over::Time,
                 },
-                None => Shown { problem: Some(missing(frame, &formula.fields()[0])), ..Shown::default() },
+                None => {
+                    Shown { problem: Some(missing(frame, &formula.fields()[0], run)), ..Shown::default() }
+                }
             };
         }
         for (field, series) in formula.fields().iter().zip(&series) {
             let problem = match series {
-                None => Some(missing(frame, field)),
+                None => Some(missing(frame, field, run)),
                 Some(series) if series.points.is_empty() => series.problem.clone(),
                 Some(_) => None,
             };
@@ -187,17 +192,33 @@ impl Derived {
     }
 }
 
+/// What is said if a curve is of a run that the source does not have: values of another one must not have its name.
+fn absent(frame: &Frame, run: RunChoice) -> Option<Arc<str>> {
+    let run = run.id()?;
+    let is_there = frame.runs.all.iter().any(|known| known.id == run);
+    (!is_there).then(|| format!("there is no {run}").into())
+}
+
 /// Why a field has no series.
-fn missing(frame: &Frame, field: &FieldRef) -> Arc<str> {
-    match frame.topic(&field.topic) {
+fn missing(frame: &Frame, field: &FieldRef, run: RunChoice) -> Arc<str> {
+    let (topic, what) = match run {
+        RunChoice::Recorded => (frame.topic_of(&field.topic, RunTag::Recorded), "recorded topic"),
+        RunChoice::Shown | RunChoice::Run(_) => (frame.topic(&field.topic), "buffer"),
+    };
+    match topic {
         Some(_) => "is being gathered".into(),
-        None => format!("there is no buffer {}", field.topic).into(),
+        None => format!("there is no {what} {}", field.topic).into(),
     }
 }
 
 /// The numbers of an array at a path of the newest message; `None` if there is another value.
 pub(crate) fn array(frame: &Frame, field: &FieldRef, run: RunChoice) -> Option<Vec<f64>> {
-    let topic = frame.topic_of(&field.topic, tag(frame, run)).or_else(|| frame.topic(&field.topic))?;
+    if absent(frame, run).is_some() {
+        return None;
+    }
+    let frame = frame.of_run(run.id())?;
+    let of = |run| frame.topic_of(&field.topic, run);
+    let topic = of(tag(frame, run)).or_else(|| of(RunTag::Recorded))?;
     let root = topic.latest.as_ref()?.message.value().ok()?;
     let value = root.get(&field.path).ok()?;
     match &*value {

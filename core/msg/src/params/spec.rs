@@ -160,7 +160,7 @@ fn spec_at(field: &FieldDescriptor, depth: usize) -> Option<ParamSpec> {
         if plain == ParamKind::Group
             && let Some(written) = &written
         {
-            overlay(&mut spec.default, written);
+            spec.overlay_fields(written);
         }
         spec
     })
@@ -202,6 +202,36 @@ pub(super) fn from_json(text: &str) -> Option<Value> {
 }
 
 impl ParamSpec {
+    /// Gives the fields of a group these defaults; fields that are not written keep their own.
+    fn overlay_fields(&mut self, written: &Value) {
+        for field in &mut self.fields {
+            let Some(written) = written.field(&field.name) else { continue };
+            if field.kind == ParamKind::Group {
+                field.overlay_fields(written);
+            } else {
+                field.default = field.typed(written);
+            }
+        }
+        self.default = self.own_defaults();
+    }
+
+    /// A value from JSON as a value of the parameter's kind.
+    fn typed(&self, written: &Value) -> Value {
+        let choice = |(number, name): &(i32, String)| match written {
+            Value::Text(text) => text == name,
+            other => other.as_i64() == Some(i64::from(*number)),
+        };
+        let typed = match self.kind {
+            ParamKind::Number => written.as_f64().map(Value::Float),
+            ParamKind::Choice => {
+                let chosen = self.choices.iter().find(|known| choice(known));
+                chosen.map(|(number, name)| Value::Enum { number: *number, name: name.clone() })
+            }
+            _ => None,
+        };
+        typed.unwrap_or_else(|| written.clone())
+    }
+
     /// A message in which each of [`ParamSpec::fields`] has its default.
     fn own_defaults(&self) -> Value {
         Value::Message(self.fields.iter().map(|field| (field.name.clone(), field.default.clone())).collect())

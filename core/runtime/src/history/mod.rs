@@ -274,11 +274,20 @@ impl Session {
 
     /// Writes an external event at the viewed moment. If executed events lie ahead, the write begins another run.
     pub fn write(&mut self, event: ExternalEvent) -> Result<(), RunError> {
+        self.write_with(event, |_| {})
+    }
+
+    /// [`Session::write`]; `begun` is called if another run begins, before anything is written there.
+    pub(crate) fn write_with(
+        &mut self,
+        event: ExternalEvent,
+        begun: impl FnOnce(&Self),
+    ) -> Result<(), RunError> {
         self.bring_to_cursor()?;
         if !self.is_machine_at_end() {
             // A refused write must not leave a run behind.
             self.machine.check_event(&event)?;
-            self.fork()?;
+            self.fork(begun)?;
         }
         self.tape.at(Point { event: self.machine.events, write: self.at_write + 1 });
         let taken = self.machine.take(event)?;
@@ -300,6 +309,11 @@ impl Session {
     /// Undoes the last write before the viewed moment: goes to the moment before it, and continues from there without
     /// it. The run with the write is kept. `false` if there is no write.
     pub fn undo(&mut self) -> Result<bool, RunError> {
+        self.undo_with(|_| {})
+    }
+
+    /// [`Session::undo`]; `begun` is called if another run begins, before anything is written there.
+    pub(crate) fn undo_with(&mut self, begun: impl FnOnce(&Self)) -> Result<bool, RunError> {
         let run = &self.runs[self.run];
         let done = &run.journal.events()[..run.writes_done(self.cursor)];
         // A branch announcement of the runtime is not a write of the operator.
@@ -318,7 +332,7 @@ impl Session {
         }
         self.cursor = before;
         self.bring_to_cursor()?;
-        self.fork()?;
+        self.fork(begun)?;
         Ok(true)
     }
 
@@ -353,8 +367,8 @@ impl Session {
         Ok(())
     }
 
-    /// Begins another run at the position of the machine, and announces it in the run.
-    fn fork(&mut self) -> Result<(), RunError> {
+    /// Begins another run at the position of the machine, calls `moved`, and announces it in the run.
+    fn fork(&mut self, moved: impl FnOnce(&Self)) -> Result<(), RunError> {
         let (parent, at) = (self.at_run, self.at());
         let run = self.runs.len();
         let newest: Vec<u64> = self.machine.buffers().iter().map(|buffer| buffer.newest()).collect();
@@ -378,6 +392,7 @@ impl Session {
         self.filling = None;
         self.machine.buffers().iter().for_each(|buffer| buffer.begin_anew());
         self.retention.send(Job::Begun { run, origin: Origin { parent, newest } });
+        moved(self);
         self.tape.at(Point { event: at.event, write: at.write + 1 });
         let said = self.machine.begin_branch(&RunId(parent as u32).to_string())?;
         self.written(said);

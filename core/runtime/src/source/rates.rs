@@ -45,10 +45,10 @@ impl MessageTimes {
         }
     }
 
-    /// The times for a run that branches from this one.
-    fn fork(&self, since_start_ns: u64) -> Self {
+    /// The times for a run that branches from this one, and shares so many messages with it.
+    fn fork(&self, since_start_ns: u64, shared: u64) -> Self {
         let kept = self.0.partition_point(|&time| time <= steps(since_start_ns));
-        Self(self.0[..kept].to_vec())
+        Self(self.0[..kept.min(shared as usize)].to_vec())
     }
 
     /// The rate at the message with this sequence.
@@ -104,14 +104,15 @@ impl RunTimes {
     }
 
     /// Sets the run of what is written from now on. A new run begins with what it shares with the one that it branched
-    /// from.
-    pub(super) fn follow(&self, runs: &[RunSummary], current: usize) {
+    /// from: `shared` messages of each buffer.
+    pub(super) fn follow(&self, runs: &[RunSummary], current: usize, shared: &[u64]) {
         let mut inner = self.lock();
         for run in &runs[inner.runs.len().min(runs.len())..] {
             let times = match run.branched_from {
                 Some((from, time)) => {
                     let since_start_ns = time.0.saturating_sub(self.start.0);
-                    inner.runs[from.run.0 as usize].iter().map(|times| times.fork(since_start_ns)).collect()
+                    let parent = inner.runs[from.run.0 as usize].iter().enumerate();
+                    parent.map(|(buffer, times)| times.fork(since_start_ns, shared[buffer])).collect()
                 }
                 None => vec![MessageTimes::default(); inner.runs[0].len()],
             };
@@ -185,7 +186,7 @@ mod tests {
     fn going_back_shows_the_rate_of_then_and_another_run_has_its_own() {
         let mut times = MessageTimes::default();
         (1..=10).for_each(|i| times.take(i, i * 100_000_000));
-        let mut other = times.fork(1_000_000_000);
+        let mut other = times.fork(1_000_000_000, 10);
         (11..=40).for_each(|i| times.take(i, 1_000_000_000 + (i - 10) * 10_000_000));
         assert_eq!(times.rate_hz(10), Some(10.0));
         (11..=12).for_each(|i| other.take(i, 1_000_000_000 + (i - 10) * 1_000_000_000));
@@ -193,5 +194,6 @@ mod tests {
         (11..=12).for_each(|i| times.take(i, 9_000_000_000));
         assert!(times.rate_hz(40).is_some_and(|hz| hz > 20.0), "done again, nothing changes");
         assert_eq!((times.rate_hz(1), times.rate_hz(0)), (None, None));
+        assert_eq!(times.fork(1_000_000_000, 3).0.len(), 3, "of one time, only what is shared");
     }
 }

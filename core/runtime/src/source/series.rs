@@ -169,7 +169,13 @@ impl<T: Record> SeriesWriter<T> {
     /// A series of its own that begins with the records of this one up to and including `time`.
     #[must_use]
     pub fn fork(&self, time: Stamp) -> Self {
-        let len = self.read().count_until(time);
+        self.fork_first(self.read().count_until(time))
+    }
+
+    /// A series of its own that begins with the first `len` records of this one.
+    #[must_use]
+    pub fn fork_first(&self, len: usize) -> Self {
+        let len = len.min(self.read().len());
         let store = self.0.read().unwrap_or_else(PoisonError::into_inner).first(len);
         Self(Arc::new(RwLock::new(store)))
     }

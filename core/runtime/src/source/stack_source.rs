@@ -48,11 +48,7 @@ pub struct StackSource {
     processes: Arc<[rcs::ProcessInfo]>,
     /// One topic per buffer, in the order of the plan.
     topics: Vec<Topic>,
-    tracks: PerRun<Tracks>,
-    entities: PerRun<EntityWatch>,
-    events: PerRun<EventWatch>,
-    times: RunTimes,
-    fields: RunFields,
+    gathering: Gathering,
     transforms: RunTransforms,
     /// The moment of `transforms`; `None` if they must be computed again.
     placed: Option<crate::Moment>,
@@ -69,6 +65,30 @@ pub struct StackSource {
     log_problems: usize,
     generation: u64,
     recording: Option<SourceRecording>,
+}
+
+/// What is gathered from the messages of every run.
+struct Gathering {
+    tracks: PerRun<Tracks>,
+    entities: PerRun<EntityWatch>,
+    events: PerRun<EventWatch>,
+    times: RunTimes,
+    fields: RunFields,
+}
+
+impl Gathering {
+    /// Sets the run of what is written from now on: the session's. This must be called when a run begins, before
+    /// anything is written in it.
+    fn follow(&self, session: &Session) {
+        let (runs, current) = (session.runs(), session.moment().run.0 as usize);
+        // If a run has just begun, these are the numbers of messages that it shares with its parent.
+        let shared: Vec<u64> = session.run().buffers().iter().map(|buffer| buffer.newest()).collect();
+        self.tracks.follow(&runs, current);
+        self.entities.follow(&runs, current);
+        self.events.follow(&runs, current);
+        self.times.follow(&runs, current, &shared);
+        self.fields.follow(&runs, current, &shared);
+    }
 }
 
 impl StackSource {
@@ -101,11 +121,13 @@ impl StackSource {
         // The tracks and entities of a recording are read from it.
         let outputs = plan.processes.iter().flat_map(|process| &process.outputs);
         let outputs = outputs.map(|&index| &run.buffers()[index]);
-        let tracks = PerRun::tap(outputs.clone());
-        let entities = PerRun::tap(outputs);
-        let events = PerRun::tap(run.buffers());
-        let times = RunTimes::tap(&run);
-        let fields = RunFields::tap(&run);
+        let gathering = Gathering {
+            tracks: PerRun::tap(outputs.clone()),
+            entities: PerRun::tap(outputs),
+            events: PerRun::tap(run.buffers()),
+            times: RunTimes::tap(&run),
+            fields: RunFields::tap(&run),
+        };
         let placing = placing(&plan);
         let topics = plan.buffers.iter().map(|buffer| Topic {
             metadata: Arc::new(buffer.spec.metadata.clone()),
@@ -155,11 +177,7 @@ impl StackSource {
             info,
             processes,
             topics,
-            tracks,
-            entities,
-            events,
-            times,
-            fields,
+            gathering,
             transforms: RunTransforms::default(),
             placed: None,
             placing,
@@ -206,14 +224,9 @@ impl StackSource {
 
     /// Updates the list of runs, and the viewed one.
     fn follow_runs(&mut self) {
-        let current = self.session.moment().run;
-        let tag = RunTag::Run(current);
+        let tag = RunTag::Run(self.session.moment().run);
         self.runs = self.session.runs().into();
-        self.tracks.follow(&self.runs, current.0 as usize);
-        self.entities.follow(&self.runs, current.0 as usize);
-        self.events.follow(&self.runs, current.0 as usize);
-        self.times.follow(&self.runs, current.0 as usize);
-        self.fields.follow(&self.runs, current.0 as usize);
+        self.gathering.follow(&self.session);
         if self.topics.first().is_some_and(|topic| topic.run != tag) {
             self.topics.iter_mut().for_each(|topic| topic.run = tag);
         }
@@ -274,7 +287,7 @@ impl StackSource {
                 topic.set_latest(latest);
             }
             topic.messages = self.session.messages(buffer);
-            topic.hz = self.times.rate_hz(buffer, topic.messages);
+            topic.hz = self.gathering.times.rate_hz(buffer, topic.messages);
         }
     }
 
@@ -361,17 +374,17 @@ impl Source for StackSource {
         let unwired: Vec<Topic> = unwired.cloned().collect();
         let topics = unwired.iter().chain(&self.topics).cloned().collect();
         let recorded_tracks = recorded.into_iter().flat_map(LogView::tracks);
-        let own = self.tracks.read(|run, tracks| tracks.read(run).collect::<Vec<_>>());
+        let own = self.gathering.tracks.read(|run, tracks| tracks.read(run).collect::<Vec<_>>());
         let tracks = recorded_tracks.chain(own.into_iter().flatten()).collect();
         let now = self.now;
         let recorded_entities = recorded.into_iter().flat_map(|view| view.entities(now));
-        let own = self.entities.read(|run, entities| entities.read(run, now).collect::<Vec<_>>());
+        let own = self.gathering.entities.read(|run, entities| entities.read(run, now).collect::<Vec<_>>());
         let entities = recorded_entities.chain(own.into_iter().flatten()).collect();
-        let events =
-            recorded.map(LogView::events).into_iter().chain(self.events.read(|run, events| events.read(run)));
-        let events = events.collect();
+        let own = self.gathering.events.read(|run, events| events.read(run));
+        let events = recorded.map(LogView::events).into_iter().chain(own).collect();
         let end = self.session.end();
-        let fields = recorded.into_iter().flat_map(LogView::fields).chain(self.fields.read()).collect();
+        let own = self.gathering.fields.read();
+        let fields = recorded.into_iter().flat_map(LogView::fields).chain(own).collect();
         let mut frame = Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
@@ -470,7 +483,9 @@ impl Source for StackSource {
             // The write begins another run.
             self.end_recording(RecordingEnd::OtherRun);
         }
-        self.session.write(ExternalEvent::operator(buffer, message)).map_err(|error| match error {
+        let Self { session, gathering, .. } = self;
+        let event = ExternalEvent::operator(buffer, message);
+        session.write_with(event, |session| gathering.follow(session)).map_err(|error| match error {
             // The operator's request was refused: nothing has changed.
             RunError::Refused(text) => SourceError::Unsupported(text),
             other => SourceError::Run(other),
@@ -489,7 +504,8 @@ impl Source for StackSource {
 
     fn undo(&mut self) -> Result<bool, SourceError> {
         self.end_recording(RecordingEnd::OtherRun);
-        let undone = self.session.undo()?;
+        let Self { session, gathering, .. } = self;
+        let undone = session.undo_with(|session| gathering.follow(session))?;
         self.arrived(self.session.now())?;
         Ok(undone)
     }
@@ -499,8 +515,8 @@ impl Source for StackSource {
     }
 
     fn gather(&mut self, fields: &[rcs_formula::FieldRef]) {
-        let Self { session, recorded, wired, fields: own, times, .. } = self;
-        own.gather(session, times, fields);
+        let Self { session, recorded, wired, gathering, .. } = self;
+        gathering.fields.gather(session, &gathering.times, fields);
         if let Some(view) = recorded {
             // A topic that feeds a buffer is shown as that buffer.
             view.gather(fields, |name| !wired.values().any(|buffer| **buffer == *name));

@@ -22,6 +22,9 @@ pub struct SweepArgs {
     /// Recording that the stack reads
     #[arg(long)]
     pub log: Option<PathBuf>,
+    /// Further files of it, if it was split and the window has them by name.
+    #[arg(skip)]
+    pub parts: Vec<PathBuf>,
     /// Course that a simulation runs: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "COURSE")]
     pub course: Option<String>,

@@ -28,7 +28,7 @@ use super::top_state::{self, TopBarAction};
 use super::tree::{Workspace, view_menu};
 use crate::bundled;
 use crate::layout::Layout;
-use crate::open::{Request, SweptRun};
+use crate::open::Request;
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext, Wish};
 use rcs_msg::Stamp;
@@ -505,7 +505,7 @@ impl Window {
                 Wish::CancelSweep => self.sweeping.cancel(),
                 Wish::OpenRun { path, title } => {
                     let past = self.current.past.clone();
-                    let run = Some(Box::new(SweptRun { title, log: self.sweeping.log() }));
+                    let run = Some(Box::new(self.sweeping.swept(title)));
                     let request = Request { log: Some(path), past, run, ..Request::default() };
                     self.open_asking(request, controls);
                 }

@@ -1,7 +1,7 @@
 //! The sweep of the window: `ocu sweep` on threads of low priority, for the view that shows it.
 
 use crate::cli::{FaultArgs, SweepArgs, parse_values};
-use crate::open::Request;
+use crate::open::{Request, SweptRun};
 use crate::say;
 use crate::sweep::{Prepared, Row};
 use crate::time::file_name_of;
@@ -114,9 +114,11 @@ impl Sweeping {
         }
     }
 
-    /// The log that the stack of the sweep reads.
-    pub(super) fn log(&self) -> Option<PathBuf> {
-        self.base.as_ref()?.log.clone()
+    /// A run of the sweep, with the log that its stack reads.
+    pub(super) fn swept(&self, title: String) -> SweptRun {
+        let (log, parts) =
+            self.base.as_ref().map(|base| (base.log.clone(), base.parts.clone())).unwrap_or_default();
+        SweptRun { title, log, parts }
     }
 
     /// Ends the sweep that runs; the runs that ended stay.
@@ -148,6 +150,7 @@ fn args_of(base: &Request, request: &SweepRequest, record: Option<PathBuf>) -> a
     Ok(SweepArgs {
         stack: base.stack.clone().unwrap_or_default(),
         log: base.log.clone(),
+        parts: base.parts.clone(),
         course: base.course.clone(),
         params: params.collect::<Result<_, _>>().map_err(anyhow::Error::msg)?,
         faults: FaultArgs { faults: request.faults.clone() },
@@ -270,6 +273,52 @@ mod tests {
         assert!(frame.topics.iter().any(|topic| topic.name.starts_with("/truth_driver")));
         let told = frame.topics_of_type("rcs.RunInfo").find_map(|topic| topic.get::<rcs_msg::rcs::RunInfo>());
         assert_eq!(told.map(|run| (run.stack.as_str(), run.seed)), Some(("truth_driver", 1)));
+    }
+
+    #[test]
+    fn a_sweep_reads_a_split_recording_whole_and_its_runs_open_with_all_of_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let split = folder.path().join("split");
+        std::fs::create_dir(&split).unwrap();
+        let whole = folder.path().join("whole.mcap");
+        crate::sample::write(&whole, 1.0, false).unwrap();
+        let parts = ["drive_0.mcap", "drive_1.mcap"].map(|name| split.join(name));
+        for (output, from, to) in [(&parts[0], 0.0, Some(0.4)), (&parts[1], 0.4, None)] {
+            let output = output.clone();
+            let cut = crate::cli::CutArgs { log: whole.clone(), from, to, output, force: false };
+            crate::cut::cut(&cut, &mut Vec::<u8>::new()).unwrap();
+        }
+        let named = ["early.mcap", "late.mcap"].map(|name| folder.path().join(name));
+        for (part, named) in parts.iter().zip(&named) {
+            std::fs::copy(part, named).unwrap();
+        }
+        let [early, late] = named;
+        let mut recording: Option<PathBuf> = None;
+        // Its files by name, and the folder of them.
+        for (log, parts) in [(early, vec![late]), (split.clone(), Vec::new())] {
+            let name = if parts.is_empty() { "runs of the folder" } else { "runs" };
+            let base =
+                Request { log: Some(log), parts, stack: Some("sample".to_owned()), ..Request::default() };
+            let request = SweepRequest { runs: 1, until_s: Some(0.7), ..SweepRequest::default() };
+            let mut sweeping = Sweeping::new(None);
+            sweeping.state(&base);
+            let args = args_of(&base, &request, Some(folder.path().join(name))).unwrap();
+            let rows: Mutex<Vec<Row>> = Mutex::default();
+            let prepared = Prepared::new(&args).unwrap();
+            prepared.run(1, &AtomicBool::new(false), &|_, row| rows.lock().unwrap().push(row));
+            let rows = rows.into_inner().unwrap();
+            assert!(rows[0].time_s() > 0.6, "the first part ends at 0.4 s: {rows:?}");
+            recording.clone_from(&rows[0].recording);
+            let run = Some(Box::new(sweeping.swept("seed 0".to_owned())));
+            let request = Request { log: recording.clone(), run, ..Request::default() };
+            let opened = crate::stacks::open(&request).map_err(|error| say(&error));
+            assert_eq!(opened.err(), None, "{name}");
+        }
+        // Without what the sweep knows, the log is found beside the recording of the run.
+        let moved = split.join("run.mcap");
+        std::fs::copy(recording.unwrap(), &moved).unwrap();
+        let opened = crate::stacks::open(&Request { log: Some(moved), ..Request::default() });
+        assert_eq!(opened.map_err(|error| say(&error)).err(), None);
     }
 
     #[test]

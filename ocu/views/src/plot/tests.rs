@@ -234,6 +234,38 @@ fn a_formula_that_is_wrong_or_a_field_that_is_absent_says_so() {
 }
 
 #[test]
+fn a_curve_of_a_run_that_is_not_there_says_so_and_shows_no_other() {
+    let field = "/vehicle/state.speed_mps";
+    let shown = |frame: &Frame, run: RunChoice| {
+        let shown = Shelf::default().shown(&egui::Context::default(), frame, field, run);
+        (shown.points.is_empty(), shown.problem.as_deref().map(str::to_owned))
+    };
+    let says = |text: &str| (true, Some(text.to_owned()));
+    // A stack with one run and without a recording.
+    let mut frame = frame();
+    frame.topics = frame.topics.iter().filter(|topic| !topic.run.is_recorded()).cloned().collect();
+    let only = rcs_runtime::RunSummary {
+        id: rcs_runtime::RunId(0),
+        branched_from: None,
+        end: frame.now,
+        events: 0,
+        writes: 0,
+    };
+    frame.runs.all = Arc::new([only]);
+    assert_eq!(shown(&frame, RunChoice::Run(0)), (false, None));
+    assert_eq!(shown(&frame, RunChoice::Run(1)), says("there is no run 1"));
+    assert_eq!(shown(&frame, RunChoice::Recorded), says("there is no recorded topic /vehicle/state"));
+    // A recording.
+    let recorded = frame.fields.iter().map(|one| FieldSeries { run: RunTag::Recorded, ..one.clone() });
+    frame.fields = recorded.collect();
+    frame.runs = rcs_runtime::source::Runs::default();
+    for run in [RunChoice::Shown, RunChoice::Recorded] {
+        assert_eq!(shown(&frame, run), (false, None), "{run:?}");
+    }
+    assert_eq!(shown(&frame, RunChoice::Run(0)), says("there is no run 0"));
+}
+
+#[test]
 fn tab_completes_a_formula_and_what_is_typed_next_follows() {
     let mut harness = harness(plot(&[]), egui::Vec2::new(600.0, 300.0));
     harness.run();

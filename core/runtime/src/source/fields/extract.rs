@@ -5,8 +5,8 @@ use rcs_msg::{AnyMessage, FieldPath, FieldScanner, ScanError, Schema, Value};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Texts beyond this number of different ones have no name of their own.
-const MOST_TEXTS: usize = 10_000;
+/// For a plot, texts beyond this number of different ones have no value.
+pub(super) const MOST_TEXTS: usize = 10_000;
 
 /// Messages without the field whose tree is looked at.
 const MOST_LOOKS: u32 = 8;
@@ -34,6 +34,10 @@ pub(super) struct Extractor {
     pub(super) names: Names,
     /// The keys of texts.
     texts: HashMap<Arc<str>, i64>,
+    /// Greatest number of different texts.
+    most_texts: usize,
+    /// Whether there were more.
+    lacks_texts: bool,
     /// Number of messages without the field whose tree was looked at.
     looks: u32,
 }
@@ -53,8 +57,22 @@ impl Extractor {
             kind,
             names: Names::default(),
             texts: HashMap::new(),
+            most_texts: MOST_TEXTS,
+            lacks_texts: false,
             looks: 0,
         })
+    }
+
+    /// The same reader, which gives every text a value, however many different ones there are.
+    pub(super) fn with_all_texts(self) -> Self {
+        Self { most_texts: usize::MAX, ..self }
+    }
+
+    /// What is said if some texts have no value.
+    pub(super) fn lacking(&self) -> Option<Arc<str>> {
+        let text =
+            || format!("only the first {MOST_TEXTS} different texts are shown; an export has all").into();
+        self.lacks_texts.then(text)
     }
 
     /// Whether messages are read without decoding them, so that several threads can read different ones in any order.
@@ -140,7 +158,8 @@ impl Extractor {
         if let Some(&key) = self.texts.get(text) {
             return Some(key as f64);
         }
-        if self.texts.len() >= MOST_TEXTS {
+        if self.texts.len() >= self.most_texts {
+            self.lacks_texts = true;
             return None;
         }
         let (key, text) = (self.texts.len() as i64, Arc::<str>::from(text));

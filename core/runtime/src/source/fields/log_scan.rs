@@ -206,7 +206,8 @@ fn read_in_order(
     failed
 }
 
-/// Reads fields of a log between two times at once. A field that the log does not have has a problem and no points.
+/// Reads fields of a log between two times at once, with all of their texts. A field that the log does not have has a
+/// problem and no points.
 pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>) -> Vec<FieldSeries> {
     let reassembly = Reassembly::new(log);
     let mut found = Vec::new();
@@ -218,6 +219,7 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
         match choose(&field.topic, &groups, &field.path) {
             Ok(Chosen { channels, extractor, problem }) => {
                 lock(&told).problem = problem;
+                let extractor = extractor.with_all_texts();
                 let reader = Reader { extractor, points: Arc::clone(&points), told: Arc::clone(&told) };
                 add(&mut wanted, channels, reader);
             }
@@ -245,6 +247,7 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
+    use super::super::extract::MOST_TEXTS;
     use super::*;
     use rcs_log::{LogWriter, WriteHeader, WriterOptions};
     use rcs_msg::{rcs, schema_of};
@@ -252,11 +255,16 @@ mod tests {
     const COUNT: u64 = 10_000;
 
     fn log(path: &std::path::Path) -> Log {
+        log_of(path, COUNT, 7)
+    }
+
+    /// A log with so many messages, which have so many different texts.
+    fn log_of(path: &std::path::Path, count: u64, texts: u64) -> Log {
         let options = WriterOptions { chunk_bytes: 2000, ..WriterOptions::default() };
         let mut writer = LogWriter::create(path, options).unwrap();
         let channel = writer.add_channel("/a", schema_of::<rcs::Status>(), &BTreeMap::new()).unwrap();
-        for cycle in 0..COUNT {
-            let state_text = format!("text {}", cycle % 7);
+        for cycle in 0..count {
+            let state_text = format!("text {}", cycle % texts);
             let status = rcs::Status { cycle, state_text, ..rcs::Status::default() };
             let time = Stamp(cycle + 1);
             let header = WriteHeader { sequence: cycle as u32, log_time: time, publish_time: time };
@@ -264,6 +272,27 @@ mod tests {
         }
         writer.finish().unwrap();
         Log::open(path).unwrap()
+    }
+
+    #[test]
+    fn an_export_has_every_text_and_a_plot_says_that_it_has_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let count = MOST_TEXTS as u64 + 5;
+        let log = log_of(&folder.path().join("texts.mcap"), count, count);
+        let field = FieldRef { topic: "/a".to_owned(), path: "state_text".parse().unwrap() };
+        let all = log.info().start..=log.info().end;
+        let series = read_fields(&log, std::slice::from_ref(&field), all).remove(0);
+        assert_eq!((series.points.len() as u64, &series.problem), (count, &None));
+        let last = series.points.last().unwrap().value as i64;
+        assert_eq!(series.names[&last].to_string(), format!("text {}", count - 1));
+        let mut fields = LogFields::default();
+        fields.gather(&log, &[field], |name| alike(log.info().topics_named(name), &Reassembly::new(&log)));
+        while fields.is_reading() {
+            std::thread::yield_now();
+        }
+        let series = fields.read().next().unwrap();
+        let problem = series.problem.unwrap();
+        assert!(series.points.last().unwrap().value.is_nan() && problem.contains("first 10000"), "{problem}");
     }
 
     #[test]

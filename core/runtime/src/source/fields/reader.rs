@@ -41,6 +41,7 @@ impl Reader {
     pub(super) fn tell(&self, reading: Option<f64>) {
         let mut told = lock(&self.told);
         told.reading = reading;
+        told.problem = told.problem.take().or_else(|| self.extractor.lacking());
         if !Arc::ptr_eq(&told.names, &self.extractor.names) {
             told.names = Arc::clone(&self.extractor.names);
         }

@@ -10,6 +10,7 @@ use crate::source::series::SeriesWriter;
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
 use rcs_formula::FieldRef;
+use rcs_msg::Stamp;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -33,15 +34,43 @@ struct RunField {
     buffer: usize,
     /// Why the messages have no such field.
     extractor: Result<Extractor, Arc<str>>,
-    /// By run: the points, and whether some of the past was not kept.
-    runs: Vec<(SeriesWriter<FieldPoint>, bool)>,
+    /// By run.
+    runs: Vec<RunPoints>,
+}
+
+/// The values of a field in one run.
+#[derive(Default)]
+struct RunPoints {
+    points: SeriesWriter<FieldPoint>,
+    /// Sequence of the message of the last point.
+    newest: u64,
+    /// Whether some of the past was not kept.
+    is_lossy: bool,
+}
+
+impl RunPoints {
+    /// The values for a run that branches from this one at `time`, and shares so many messages with it.
+    fn fork(&self, time: Stamp, shared: u64) -> Self {
+        let known = self.points.read();
+        let until = known.count_until(time);
+        // Of the messages at the time of the branch, a part may have been written after it.
+        let kept = if self.is_lossy {
+            until
+        } else {
+            let later = self.newest.saturating_sub(shared) as usize;
+            known.len().saturating_sub(later).clamp(known.count_before(time), until)
+        };
+        let newest = self.newest.min(shared);
+        Self { points: self.points.fork_first(kept), newest, is_lossy: self.is_lossy }
+    }
 }
 
 impl RunField {
     fn take(&mut self, run: usize, sample: &Sample) {
-        if let (Ok(extractor), Some((points, _))) = (&mut self.extractor, self.runs.get(run)) {
+        if let (Ok(extractor), Some(of_run)) = (&mut self.extractor, self.runs.get_mut(run)) {
             let value = extractor.read(&sample.message);
-            points.append(FieldPoint { stamp: sample.header.log_time, value });
+            of_run.points.append(FieldPoint { stamp: sample.header.log_time, value });
+            of_run.newest = sample.header.sequence;
         }
     }
 }
@@ -82,16 +111,17 @@ impl RunFields {
             let extractor = Extractor::new(&buffers[index].spec().schema, &field.path).map_err(Into::into);
             let mut new = RunField { field: field.clone(), buffer: index, extractor, runs: Vec::new() };
             for run in 0..inner.runs {
-                new.runs.push((SeriesWriter::default(), false));
+                new.runs.push(RunPoints::default());
                 if new.extractor.as_ref().is_ok_and(Extractor::is_time) {
                     // Times are known without reading the messages again.
-                    let points =
-                        times.of(run, index).into_iter().map(|stamp| FieldPoint { stamp, value: 1.0 });
-                    new.runs[run].0.append_all(points);
+                    let times = times.of(run, index);
+                    new.runs[run].newest = times.len() as u64;
+                    let points = times.into_iter().map(|stamp| FieldPoint { stamp, value: 1.0 });
+                    new.runs[run].points.append_all(points);
                 } else if new.extractor.is_ok() {
                     let id = RunId(run as u32);
                     let complete = session.each_message(id, index, &mut |sample| new.take(run, sample));
-                    new.runs[run].1 = !complete;
+                    new.runs[run].is_lossy = !complete;
                 }
             }
             inner.fields.push(new);
@@ -102,14 +132,13 @@ impl RunFields {
     }
 
     /// Sets the run of what is written from now on. A new run begins with what it shares with the one that it branched
-    /// from.
-    pub(crate) fn follow(&self, runs: &[RunSummary], current: usize) {
+    /// from: `shared` messages of each buffer.
+    pub(crate) fn follow(&self, runs: &[RunSummary], current: usize, shared: &[u64]) {
         let inner = &mut *self.lock();
         for run in &runs[inner.runs.min(runs.len())..] {
             for field in &mut inner.fields {
                 let begun = run.branched_from.and_then(|(from, time)| {
-                    let (points, lost) = field.runs.get(from.run.0 as usize)?;
-                    Some((points.fork(time), *lost))
+                    Some(field.runs.get(from.run.0 as usize)?.fork(time, shared[field.buffer]))
                 });
                 field.runs.push(begun.unwrap_or_default());
             }
@@ -122,8 +151,12 @@ impl RunFields {
     pub(crate) fn read(&self) -> Vec<FieldSeries> {
         let inner = self.lock();
         let series = |field: &RunField, run: usize| {
-            let (points, lost) = &field.runs[run];
-            let lost = lost.then(|| "a part of the past was not kept".into());
+            let RunPoints { points, is_lossy, .. } = &field.runs[run];
+            let lost = is_lossy.then(|| "a part of the past was not kept".into());
+            let problem = match &field.extractor {
+                Ok(extractor) => lost.or_else(|| extractor.lacking()),
+                Err(problem) => Some(Arc::clone(problem)),
+            };
             FieldSeries {
                 field: field.field.clone(),
                 run: RunTag::Run(RunId(run as u32)),
@@ -134,7 +167,7 @@ impl RunFields {
                     .map(|extractor| Arc::clone(&extractor.names))
                     .unwrap_or_default(),
                 reading: None,
-                problem: field.extractor.as_ref().err().cloned().or(lost),
+                problem,
             }
         };
         let fields = inner.fields.iter();
