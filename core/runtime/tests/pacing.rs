@@ -123,6 +123,28 @@ fn a_source_that_cannot_keep_up_falls_behind_says_so_and_stays_responsive() {
 }
 
 #[test]
+fn a_frame_says_from_where_it_has_played_without_a_jump() {
+    let (driver, _) = drive(0.0);
+    let at = |s: u64| Stamp(s * 1_000_000_000);
+    driver.send(Control::Seek(at(5)));
+    driver.send(Control::Play);
+    wait(&driver, "time", |frame| frame.now > at(5));
+    // Asked again while it plays, it goes on.
+    driver.send(Control::Play);
+    driver.send(Control::Speed(2.0));
+    let frame = wait(&driver, "the speed", |frame| frame.playback.speed == 2.0);
+    assert!(frame.playback.playing && frame.playback.from == at(5), "{:?}", frame.playback);
+    driver.send(Control::Seek(at(900)));
+    let frame = wait(&driver, "the seek", |frame| frame.now >= at(900));
+    assert_eq!(frame.playback.from, at(900));
+    driver.send(Control::Pause);
+    let paused = wait(&driver, "the pause", |frame| !frame.playback.playing);
+    driver.send(Control::Play);
+    let frame = wait(&driver, "a new start", |frame| frame.playback.playing);
+    assert_eq!(frame.playback.from, paused.now);
+}
+
+#[test]
 fn as_fast_as_it_goes_leaves_the_clock_behind() {
     let (driver, _) = drive(0.01);
     driver.send(Control::Speed(f64::INFINITY));

@@ -2,7 +2,8 @@
 //! hold: forward or back, in a run or in a whole recording.
 //!
 //! A condition is gathered like a curve of a plot. Where a run has not been executed yet, going forward plays it until
-//! the condition holds; the window then goes to exactly that time, which the run keeps.
+//! the condition holds; the window then goes to exactly that time, which the run keeps. So it does where that becomes
+//! known late: a long formula is computed in the background, and one of several buffers waits for their next messages.
 
 use crate::series::{Shelf, Shown};
 use crate::view::{RunChoice, SavedState, View, ViewContext};
@@ -73,12 +74,60 @@ pub(crate) struct Conditions {
     shelf: Shelf,
     hits: BTreeMap<String, Hits>,
     new: String,
-    /// The formula that playing goes on to, from a time.
-    until: Option<(String, Stamp)>,
-    /// The viewed time of the last pass while playing.
-    played: Option<Stamp>,
+    /// The formula that playing goes on to.
+    until: Option<String>,
+    stops: Stops,
     /// What was reached last.
     reached: Option<(String, Stamp)>,
+}
+
+/// What stops the source as it plays.
+#[derive(Default)]
+struct Stops {
+    /// From where it plays (`Playback::from`); `None` while it does not.
+    from: Option<Stamp>,
+    /// The viewed time of the last pass.
+    now: Stamp,
+    /// The formulas that stop it, and the time after which each of them does: where playing began or jumped to, or where
+    /// the formula was chosen.
+    after: BTreeMap<String, Stamp>,
+    /// Whether the source was asked to stop. Until it obeys, frames say that it plays.
+    is_asked: bool,
+}
+
+impl Stops {
+    /// The first time at which one of `formulas` began to hold since the time after which it stops, and that formula.
+    fn reached<'a>(
+        &mut self,
+        frame: &Frame,
+        formulas: impl Iterator<Item = &'a str>,
+        hits: &BTreeMap<String, Hits>,
+    ) -> Option<(String, Stamp)> {
+        if !frame.playback.playing {
+            *self = Self::default();
+            return None;
+        }
+        let from = frame.playback.from;
+        let begins = self.from != Some(from) || frame.now < self.now;
+        if begins {
+            *self = Self { from: Some(from), ..Self::default() };
+        }
+        self.now = frame.now;
+        let known = std::mem::take(&mut self.after);
+        let since = if begins { from } else { frame.now };
+        let after = |formula: &str| known.get(formula).copied().unwrap_or(since);
+        self.after = formulas.map(|formula| (formula.to_owned(), after(formula))).collect();
+        if self.is_asked {
+            return None;
+        }
+        let reached = self.after.iter().filter_map(|(formula, after)| {
+            let at = hits.get(formula)?.after(*after).filter(|at| *at <= frame.now)?;
+            Some((formula.clone(), at))
+        });
+        let reached = reached.min_by_key(|(_, at)| *at);
+        self.is_asked = reached.is_some();
+        reached
+    }
 }
 
 impl View for Conditions {
@@ -101,19 +150,14 @@ impl View for Conditions {
         Ok(())
     }
 
+    fn watch(&mut self, ctx: &egui::Context, cx: &mut ViewContext<'_>) {
+        self.find(ctx, cx.frame);
+        self.stop(cx);
+    }
+
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
         self.entry(ui);
-        let mut shown = Vec::new();
-        for condition in &self.saved.conditions {
-            let mut found = self.shelf.shown(ui.ctx(), cx.frame, &condition.formula, RunChoice::Shown);
-            if found.over == Over::Frequency {
-                let problem = Some("a spectrum is over frequency, which has no time to stop at".into());
-                found = Shown { problem, ..Shown::default() };
-            }
-            self.hits.entry(condition.formula.clone()).or_default().follow(&found.points);
-            shown.push(found);
-        }
-        self.stop(cx);
+        let shown = self.find(ui.ctx(), cx.frame);
         if self.saved.conditions.is_empty() {
             let hint =
                 "Write one above, such as /supervisor/status.state == ERROR or /wm1/status.faults > 0.";
@@ -165,26 +209,32 @@ impl Conditions {
         });
     }
 
-    /// Stops where a condition began to hold since the last pass.
-    fn stop(&mut self, cx: &mut ViewContext<'_>) {
-        let frame = cx.frame;
-        let from = self.played.replace(frame.now).filter(|from| *from <= frame.now);
-        if !frame.playback.playing {
-            self.played = None;
-            return;
+    /// The values of each condition; notes where it begins to hold.
+    fn find(&mut self, ctx: &egui::Context, frame: &Frame) -> Vec<Shown> {
+        let mut shown = Vec::new();
+        for condition in &self.saved.conditions {
+            let mut found = self.shelf.shown(ctx, frame, &condition.formula, RunChoice::Shown);
+            if found.over == Over::Frequency {
+                let problem = Some("a spectrum is over frequency, which has no time to stop at".into());
+                found = Shown { problem, ..Shown::default() };
+            }
+            self.hits.entry(condition.formula.clone()).or_default().follow(&found.points);
+            shown.push(found);
         }
-        let Some(from) = from.or_else(|| self.until.as_ref().map(|(_, from)| *from)) else { return };
-        let until = self.until.as_ref().map(|(formula, _)| formula.as_str());
-        let stops = self.saved.conditions.iter().filter(|c| c.stops || Some(c.formula.as_str()) == until);
-        let reached = stops.filter_map(|condition| {
-            let at = self.hits.get(&condition.formula)?.after(from).filter(|at| *at <= frame.now)?;
-            Some((condition.formula.clone(), at))
-        });
-        if let Some((formula, at)) = reached.min_by_key(|(_, at)| *at) {
+        shown
+    }
+
+    /// Stops where a condition began to hold.
+    fn stop(&mut self, cx: &mut ViewContext<'_>) {
+        let until = self.until.as_deref();
+        let conditions = self.saved.conditions.iter();
+        let stopping = conditions.filter(|condition| condition.stops || Some(&*condition.formula) == until);
+        let formulas = stopping.map(|condition| condition.formula.as_str());
+        if let Some((formula, at)) = self.stops.reached(cx.frame, formulas, &self.hits) {
             cx.controls.push(Control::Pause);
             cx.controls.push(Control::Seek(at));
             self.reached = Some((formula, at));
-            (self.until, self.played) = (None, None);
+            self.until = None;
         }
     }
 
@@ -234,7 +284,9 @@ impl Conditions {
                     Some(at) => cx.controls.push(Control::Seek(at)),
                     None if frame.info.kind == SourceKind::Log => {}
                     None => {
-                        self.until = Some((formula.clone(), frame.now));
+                        self.until = Some(formula.clone());
+                        // If it plays already; otherwise it counts from where playing begins.
+                        self.stops.after.entry(formula.clone()).or_insert(frame.now);
                         cx.controls.push(Control::Play);
                     }
                 }
@@ -263,8 +315,85 @@ impl Conditions {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
+    use crate::samples;
+    use crate::view::Selection;
+    use rcs_runtime::source::{FieldSeries, Playback, RunTag};
+    use std::sync::Arc;
+
+    fn field(text: &str, points: &[(u64, f64)]) -> FieldSeries {
+        FieldSeries {
+            field: text.parse::<Formula>().unwrap().fields()[0].clone(),
+            run: RunTag::FIRST,
+            points: points.iter().map(|&(time, value)| FieldPoint { stamp: Stamp(time), value }).collect(),
+            names: Arc::default(),
+            reading: None,
+            problem: None,
+        }
+    }
+
+    /// A frame of a source that has played from a time.
+    fn played(from: u64, now: u64, fields: &[FieldSeries]) -> Frame {
+        let mut frame = samples::empty();
+        (frame.now, frame.fields) = (Stamp(now), fields.to_vec().into());
+        (frame.playback.playing, frame.playback.from) = (true, Stamp(from));
+        frame
+    }
+
+    /// Where a view stops the source.
+    fn stop(view: &mut Conditions, frame: &Frame) -> Option<Stamp> {
+        let (mut controls, mut wishes, mut selection) = (Vec::new(), Vec::new(), Selection::default());
+        let mut cx =
+            ViewContext { frame, controls: &mut controls, selection: &mut selection, wishes: &mut wishes };
+        view.watch(&egui::Context::default(), &mut cx);
+        match controls.as_slice() {
+            [] => None,
+            [Control::Pause, Control::Seek(at)] => Some(*at),
+            other => panic!("expected a pause and a seek, got {other:?}"),
+        }
+    }
+
+    fn watching(formula: &str, stops: bool) -> Conditions {
+        let conditions = vec![Condition { formula: formula.to_owned(), stops }];
+        Conditions { saved: Saved { conditions }, ..Conditions::default() }
+    }
+
+    #[test]
+    fn a_condition_that_becomes_known_late_stops_once_where_it_began_to_hold() {
+        let mut view = watching("/a.x - /b.y > 0.5", true);
+        let a: Vec<(u64, f64)> =
+            (1..=12).map(|i| (i * 10, f64::from(u8::from((6..12).contains(&i))))).collect();
+        let b = [(5, 0.0), (55, 0.0), (105, 0.0)];
+        // From 60 on it holds, which is known when the next message of b comes.
+        let early = [field("/a.x", &a[..10]), field("/b.y", &b[..2])];
+        assert_eq!(stop(&mut view, &played(1, 90, &early)), None);
+        assert_eq!(stop(&mut view, &played(1, 100, &early)), None);
+        let late = [field("/a.x", &a[..11]), field("/b.y", &b)];
+        assert_eq!(stop(&mut view, &played(1, 110, &late)), Some(Stamp(60)));
+        assert_eq!(stop(&mut view, &played(1, 115, &late)), None, "it has been asked to stop");
+        let paused = Frame { now: Stamp(60), playback: Playback::default(), ..played(1, 60, &late) };
+        assert_eq!(stop(&mut view, &paused), None);
+        assert_eq!(stop(&mut view, &played(60, 70, &late)), None, "it stopped there before");
+        assert_eq!(stop(&mut view, &played(1, 70, &late)), Some(Stamp(60)), "played again from before");
+    }
+
+    #[test]
+    fn a_condition_stops_from_where_playing_began_or_jumped_to_or_it_was_chosen() {
+        let fields = [field("/a.x", &[(10, 0.0), (20, 1.0), (30, 0.0), (40, 1.0), (50, 0.0)])];
+        let mut view = watching("/a.x", true);
+        assert_eq!(stop(&mut view, &played(15, 25, &fields)), Some(Stamp(20)), "before the first pass");
+        let mut view = watching("/a.x", true);
+        assert_eq!(stop(&mut view, &played(11, 12, &fields)), None);
+        assert_eq!(stop(&mut view, &played(45, 46, &fields)), None, "a seek over it");
+        assert_eq!(stop(&mut view, &played(11, 41, &fields)), Some(Stamp(20)), "a seek back");
+        let mut view = watching("/a.x", false);
+        assert_eq!(stop(&mut view, &played(11, 35, &fields)), None);
+        view.saved.conditions[0].stops = true;
+        assert_eq!(stop(&mut view, &played(11, 38, &fields)), None, "it was ticked later");
+        assert_eq!(stop(&mut view, &played(11, 48, &fields)), Some(Stamp(40)));
+    }
 
     fn series(values: &[f64]) -> Series<FieldPoint> {
         let points = values.iter().zip(1..);

@@ -57,6 +57,14 @@ impl View for Details {
         self.fields.fields()
     }
 
+    fn sends_commands(&self) -> bool {
+        true
+    }
+
+    fn choose_command(&mut self, process: &str, command: &str) {
+        self.saved.commands.insert(process.to_owned(), command.to_owned());
+    }
+
     fn save(&self) -> SavedState {
         serde_json::to_value(&self.saved).unwrap_or_default()
     }

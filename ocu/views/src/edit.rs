@@ -8,10 +8,11 @@ use crate::view::{TopicKey, ViewContext};
 use egui::{RichText, TextEdit, Ui};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::rcs::r#override::Mode;
-use rcs_msg::rcs::{Fault, Override, OverrideInForce, OverrideList};
+use rcs_msg::rcs::{Fault, Override, OverrideInForce, OverrideList, ProcessInfo};
 use rcs_msg::{AnyMessage, FieldPath, Value};
 use rcs_runtime::source::{Control, Frame, Topic};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Number of writes that can be taken back.
 const MOST_UNDO: usize = 50;
@@ -30,8 +31,8 @@ pub(crate) enum How {
 /// Something that was sent, and how it is taken back.
 #[derive(Clone, Debug)]
 enum Sent {
-    /// The message that it replaced.
-    Message { buffer: String, before: AnyMessage },
+    /// The message that was written, and the one that it replaced.
+    Message { buffer: String, written: AnyMessage, before: AnyMessage },
     /// The fields that are overridden.
     Held { buffer: String, paths: Vec<String> },
 }
@@ -45,6 +46,8 @@ pub(crate) struct Edits {
     fresh: Option<String>,
     refused: Option<String>,
     sent: Vec<Sent>,
+    /// The processes of the source that it was sent to: another source has others.
+    processes: Option<Arc<[ProcessInfo]>>,
 }
 
 /// Why a topic cannot be edited; `None` if it can.
@@ -187,16 +190,17 @@ fn controls(
         }
         let schema = sample.message.schema();
         let bytes = schema.encode(&value).map_err(|error| error.to_string())?;
-        let encoded = AnyMessage::encoded(std::sync::Arc::clone(&schema), bytes.clone());
+        let encoded = AnyMessage::encoded(Arc::clone(&schema), bytes.clone());
         let message = match rcs_msg::canonical(&schema, &bytes) {
             Some(made) => made.map_err(|error| error.to_string())?,
             None => encoded,
         };
-        let before = sample.message.clone();
-        return Ok((
-            vec![Control::Write { buffer: buffer.clone(), message }],
-            Sent::Message { buffer, before },
-        ));
+        let sent = Sent::Message {
+            buffer: buffer.clone(),
+            written: message.clone(),
+            before: sample.message.clone(),
+        };
+        return Ok((vec![Control::Write { buffer, message }], sent));
     }
     let mode = if how == How::Hold { Mode::Hold } else { Mode::Once };
     let requests = changes.iter().map(|(at, new)| {
@@ -235,10 +239,14 @@ impl Edits {
 
     /// Paints the changes that were not sent, and what can be done with them.
     pub(crate) fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        if self.fields.is_empty() && self.sent.is_empty() {
+        let frame = cx.frame;
+        if !self.processes.as_ref().is_some_and(|known| Arc::ptr_eq(known, &frame.processes)) {
+            self.processes = Some(Arc::clone(&frame.processes));
+            self.sent.clear();
+        }
+        if self.fields.is_empty() && self.sent.is_empty() && self.refused.is_none() {
             return;
         }
-        let frame = cx.frame;
         let margin = egui::Margin::symmetric(8, 4);
         egui::Frame::new().inner_margin(margin).fill(tokens(ui).surface[3]).show(ui, |ui| {
             ui.set_width(ui.available_width());
@@ -301,7 +309,14 @@ impl Edits {
                 }
             }
             if let Some(refused) = &self.refused {
-                ui.add(egui::Label::new(RichText::new(refused).small().color(tokens(ui).error)).wrap());
+                let mut is_read = false;
+                ui.horizontal(|ui| {
+                    is_read = widgets::icon_button(ui, icons::ICON_CLOSE, "Dismiss").clicked();
+                    ui.add(egui::Label::new(RichText::new(refused).small().color(tokens(ui).error)).wrap());
+                });
+                if is_read {
+                    self.refused = None;
+                }
             } else if !frame.runs.is_at_end && !self.fields.is_empty() {
                 let text = "This moment is in the past: an edit begins another run, and this one is kept.";
                 ui.label(RichText::new(text).small().color(tokens(ui).warning));
@@ -310,9 +325,18 @@ impl Edits {
     }
 
     fn undo(&mut self, cx: &mut ViewContext<'_>) {
+        self.refused = None;
         match self.sent.pop() {
-            Some(Sent::Message { buffer, before }) => {
-                cx.controls.push(Control::Write { buffer, message: before });
+            Some(Sent::Message { buffer, written, before }) => {
+                // What the process has published since is newer than the message that was replaced.
+                let newest = cx.frame.topic(&buffer).and_then(|topic| topic.latest.as_ref());
+                let is_written =
+                    |message: &AnyMessage| message.same(&written) || message.bytes() == written.bytes();
+                if newest.is_some_and(|sample| is_written(&sample.message)) {
+                    cx.controls.push(Control::Write { buffer, message: before });
+                } else {
+                    self.refused = Some(format!("{buffer} was replaced since the edit: nothing to undo"));
+                }
             }
             Some(Sent::Held { buffer, paths }) => {
                 for path in paths {
@@ -336,7 +360,6 @@ mod tests {
     use crate::samples;
     use rcs_msg::rcs::Status;
     use rcs_runtime::source::SourceKind;
-    use std::sync::Arc;
 
     fn frame() -> Frame {
         let mut frame = samples::full();
@@ -380,6 +403,40 @@ mod tests {
                 (request.path.as_str(), request.value_json.as_str()),
                 (".state_text", "\"a \\\"b\\\"\"")
             );
+        }
+    }
+
+    #[test]
+    fn an_edit_is_undone_only_while_its_message_is_the_newest_one() {
+        let before = frame();
+        let topic = before.topic("/planner/status").unwrap();
+        let fields = BTreeMap::from([(".cycle".to_owned(), "7".to_owned())]);
+        let (written, sent) = controls(&before, topic, &fields, How::Now).unwrap();
+        let [Control::Write { message, .. }] = written.as_slice() else { panic!("{written:?}") };
+        let stored = AnyMessage::encoded(message.schema(), message.bytes());
+        let later = AnyMessage::new(Status { cycle: 8, ..message.to::<Status>().unwrap() });
+        for (newest, is_undone) in [(message.clone(), true), (stored, true), (later, false)] {
+            let sample = topic.latest.clone().unwrap();
+            let newest = topic.clone().with_latest(rcs_bus::Sample { message: newest, ..sample });
+            let others = before.topics.iter().filter(|other| other.name != topic.name).cloned();
+            let topics = others.chain([newest]).collect();
+            let frame = Frame { topics, ..before.clone() };
+            let mut edits = Edits { sent: vec![sent.clone()], ..Edits::default() };
+            let (mut controls, mut wishes) = (Vec::new(), Vec::new());
+            let mut selection = crate::view::Selection::default();
+            edits.undo(&mut ViewContext {
+                frame: &frame,
+                controls: &mut controls,
+                selection: &mut selection,
+                wishes: &mut wishes,
+            });
+            let back = controls.first().map(|control| match control {
+                Control::Write { message, .. } => message.to::<Status>().unwrap().cycle,
+                other => panic!("{other:?}"),
+            });
+            assert_eq!(back, is_undone.then_some(321));
+            let refused = edits.refused.as_deref().is_some_and(|text| text.contains("replaced since"));
+            assert_eq!(refused, !is_undone);
         }
     }
 

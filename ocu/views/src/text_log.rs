@@ -1,7 +1,7 @@
 //! Text log: what happened, line by line: log messages, errors, commands, changes of mode, acts of the operator.
 //!
 //! Lines of the past are bright and those of the future dim; a click goes to the time of a line. The list follows the
-//! viewed time until it is scrolled, and again after it was scrolled to its end.
+//! viewed time until it is scrolled, and again after it was scrolled to its end or back to the viewed time.
 
 use crate::view::{Hover, SavedState, View, ViewContext};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
@@ -37,8 +37,12 @@ pub(crate) struct TextLog {
     lines: Vec<u32>,
     read: usize,
     chosen: Option<(Events, Saved)>,
-    /// The last line of the past that was shown.
-    last: usize,
+    /// Number of lines of the past when they were shown last.
+    last: Option<usize>,
+    /// How far the list was scrolled in the last pass, points.
+    offset: f32,
+    /// Whether it was scrolled away from the viewed time.
+    is_left: bool,
 }
 
 impl View for TextLog {
@@ -69,15 +73,15 @@ impl View for TextLog {
             return widgets::empty(ui, icons::ICON_SEARCH_OFF, "Nothing found", &hint);
         }
         let past = self.past(events, cx.frame.now);
-        let follows = std::mem::replace(&mut self.last, past) != past;
+        let is_other = self.last.replace(past) != Some(past);
         ui.spacing_mut().item_spacing.y = 0.0;
         let mut area = ScrollArea::vertical().auto_shrink(false);
-        if follows {
-            let height = ui.available_height();
-            let at = (past as f32 * ROW - height + 2.0 * ROW).max(0.0);
-            area = area.vertical_scroll_offset(at);
+        let place = (past as f32 * ROW - ui.available_height() + 2.0 * ROW).max(0.0);
+        if is_other && !self.is_left {
+            area = area.vertical_scroll_offset(place);
+            self.offset = place;
         }
-        area.show_rows(ui, ROW, self.lines.len(), |ui, range| {
+        let shown = area.show_rows(ui, ROW, self.lines.len(), |ui, range| {
             for line in range {
                 let Some(event) = self.lines.get(line).and_then(|&index| events.get(index as usize)) else {
                     continue;
@@ -85,6 +89,8 @@ impl View for TextLog {
                 row(ui, cx, &event, line < past);
             }
         });
+        let most = (shown.content_size.y - shown.inner_rect.height()).max(0.0);
+        self.scrolled(place.min(most), most, shown.state.clamped_offset().y);
     }
 }
 
@@ -116,11 +122,24 @@ impl TextLog {
         crate::toolbar::show(ui, bar, &mut self.saved);
     }
 
+    /// Decides whether the list follows the viewed time: not any more once the user has scrolled it, and again at its end
+    /// `most`, or where it was scrolled back to the place that it would have. All in points.
+    fn scrolled(&mut self, place: f32, most: f32, offset: f32) {
+        let before = std::mem::replace(&mut self.offset, offset).min(most);
+        if offset >= most - 0.5 {
+            self.is_left = false;
+        } else if (offset - before).abs() > 0.5 {
+            let (now, then) = ((offset - place).abs(), (before - place).abs());
+            self.is_left = now >= then || now > ROW;
+        }
+    }
+
     /// Adds what has been appended to the lines that are shown; all of them where something else is chosen.
     fn choose(&mut self, events: &Events) {
         let is_same = |(of, by): &(Events, Saved)| of.same(events) && *by == self.saved;
         if !self.chosen.as_ref().is_some_and(is_same) || events.len() < self.read {
             (self.lines, self.read) = (Vec::new(), 0);
+            (self.last, self.is_left) = (None, false);
             self.chosen = Some((events.clone(), self.saved.clone()));
         }
         let search = self.saved.search.trim().to_lowercase();

@@ -314,6 +314,13 @@ pub enum Wish {
         /// Whether it is drawn in a new view; otherwise its fields are listed.
         drawn: bool,
     },
+    /// Prepare a command with parameters: in the view that is open, else in a new one.
+    Command {
+        /// The process to which it is to be sent.
+        process: Arc<str>,
+        /// Its name.
+        command: String,
+    },
     /// Plot a field: in the plot that is open, else in a new one.
     Plot(FieldKey),
     /// Choose another recording to compare with.
@@ -368,6 +375,9 @@ pub trait View {
     /// Paints the view into the whole area of `ui`.
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>);
 
+    /// Called in every pass before views are painted, also while the view is hidden behind another one.
+    fn watch(&mut self, _ctx: &egui::Context, _cx: &mut ViewContext<'_>) {}
+
     /// Whether this topic can be dropped on the view.
     fn accepts(&self, _topic: &Topic) -> bool {
         false
@@ -403,6 +413,14 @@ pub trait View {
 
     /// Called when a field is dropped on the view, at this point of the screen.
     fn drop_field(&mut self, _field: &FieldKey, _at: egui::Pos2) {}
+
+    /// Whether commands with parameters can be sent from the view.
+    fn sends_commands(&self) -> bool {
+        false
+    }
+
+    /// Called when this command of this process is to be prepared in the view.
+    fn choose_command(&mut self, _process: &str, _command: &str) {}
 
     /// Returns the state to store in a layout.
     fn save(&self) -> SavedState {

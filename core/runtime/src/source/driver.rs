@@ -349,7 +349,9 @@ impl<W: Fn()> DriverLoop<'_, W> {
     fn obey(&mut self, control: Control) {
         let result = match control {
             Control::Play => {
-                self.playback.playing = true;
+                if !std::mem::replace(&mut self.playback.playing, true) {
+                    self.playback.from = self.source.now();
+                }
                 self.restart();
                 let info = self.source.info();
                 if info.end.is_some_and(|end| self.source.now() >= end) {
@@ -382,6 +384,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
             }
             Control::SwitchRun(run) => {
                 let moved = self.source.switch_run(run);
+                self.playback.from = self.source.now();
                 self.restart();
                 self.hands.moved(self.source.now());
                 moved
@@ -443,6 +446,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
     fn go_to(&mut self, to: Stamp) -> Result<(), SourceError> {
         self.restart();
         let moved = self.work(|source, task| source.seek(to, task));
+        self.playback.from = self.source.now();
         self.hands.moved(self.source.now());
         moved
     }
@@ -455,10 +459,12 @@ impl<W: Fn()> DriverLoop<'_, W> {
         let now = self.source.now();
         if let Some(gap) = info.gaps.iter().find(|gap| now >= gap.from.after_ns(IN_A_GAP_NS) && now < gap.to)
         {
+            let from = self.playback.from;
             if let Err(error) = self.go_to(gap.to) {
                 self.playback.error = Some(error.to_string());
                 self.playback.playing = false;
             }
+            self.playback.from = from;
             return;
         }
         let target = self.pace.target(start, self.source.now());

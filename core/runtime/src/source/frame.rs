@@ -217,6 +217,9 @@ impl Topic {
 pub struct Playback {
     /// Whether the source plays.
     pub playing: bool,
+    /// The viewed time at which playing began, or to which it jumped since: by a seek, by another run, or from the end to
+    /// the start. A gap of a recording that is left out is no jump.
+    pub from: Stamp,
     /// Requested seconds of the source per second of the clock; infinite for as fast as possible.
     pub speed: f64,
     /// Measured seconds of the source per second over the last half second; `None` until enough time has passed.
@@ -235,6 +238,7 @@ impl Default for Playback {
     fn default() -> Self {
         Self {
             playing: false,
+            from: Stamp(0),
             speed: 1.0,
             achieved: None,
             looping: false,

@@ -307,6 +307,7 @@ impl Window {
         let acted = self.take_keys(ui.ctx(), stops, frame.as_deref(), &mut controls);
         self.tell_title(frame.as_deref());
         let chosen = (self.selection.topic.clone(), self.selection.process.clone());
+        self.sweeping.look(&self.current, frame.as_deref());
         self.selection.sweep = self.sweeping.state(&self.current);
         self.selection.let_go_first = self.operating.is_blocked();
         self.selection.hand = live.map(|frame| self.operating.take_keys(ui, frame)).unwrap_or_default();
@@ -493,6 +494,11 @@ impl Window {
                 Wish::Show { topic, drawn } => {
                     let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
                     workspace.show_topic(frame, &topic, drawn);
+                    ui.ctx().request_repaint();
+                }
+                Wish::Command { process, command } => {
+                    let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
+                    workspace.choose_command(&process, &command);
                     ui.ctx().request_repaint();
                 }
                 Wish::Plot(field) => {

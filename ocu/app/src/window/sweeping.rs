@@ -8,6 +8,7 @@ use crate::time::file_name_of;
 use ocu_views::{SweepRequest, SweepRow, SweepState};
 use rcs_msg::Stamp;
 use rcs_msg::guard::guarded;
+use rcs_runtime::source::Frame;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +24,8 @@ const KEPT: (usize, u64) = (10, 1 << 30);
 pub(super) struct Sweeping {
     /// The last open source that a sweep can run.
     base: Option<Request>,
+    /// Whether parameters have been sent to its processes, which a sweep does not use.
+    is_tuned: bool,
     /// Where recordings of the runs are kept.
     folder: Option<PathBuf>,
     running: Option<Running>,
@@ -49,12 +52,19 @@ impl Sweeping {
         Self { folder, ..Self::default() }
     }
 
+    /// Looks whether parameters have been sent in what is open.
+    pub(super) fn look(&mut self, current: &Request, frame: Option<&Frame>) {
+        if current.stack.is_some() {
+            self.is_tuned = frame.is_some_and(is_tuned);
+        }
+    }
+
     /// The state for the views. `current` is what is open.
     pub(super) fn state(&mut self, current: &Request) -> Arc<SweepState> {
         if current.stack.is_some() && self.base.as_ref() != Some(current) {
             self.base = Some(current.clone());
         }
-        let what = self.base.as_ref().map(what).unwrap_or_default();
+        let what = self.base.as_ref().map(|base| what(base, self.is_tuned)).unwrap_or_default();
         let state = match &self.running {
             None => SweepState { what, ..SweepState::default() },
             Some(running) => {
@@ -136,12 +146,21 @@ impl Drop for Running {
 }
 
 /// What a sweep runs.
-fn what(base: &Request) -> String {
-    let title = base.title();
-    match base.remembered {
-        Some(_) => format!("{title}, without what earlier runs remember"),
-        None => title,
+fn what(base: &Request, is_tuned: bool) -> String {
+    let mut what = base.title();
+    if base.remembered.is_some() {
+        what.push_str(", without what earlier runs remember");
     }
+    if is_tuned {
+        what.push_str(", with the parameters of the stack file");
+    }
+    what
+}
+
+/// Whether parameters have been sent to a process: a run begins with one message of each.
+fn is_tuned(frame: &Frame) -> bool {
+    let mut topics = frame.processes.iter().filter_map(|info| frame.topic(&info.params_buffer));
+    topics.any(|topic| !topic.run.is_recorded() && topic.messages > 1)
 }
 
 /// The arguments of `ocu sweep` for a request.
@@ -328,6 +347,40 @@ mod tests {
         let next = base().remembering(crate::remembered::Remembered::default(), 1);
         let what = "truth_driver on meadow, without what earlier runs remember";
         assert_eq!(sweeping.state(&next).what, what);
+    }
+
+    #[test]
+    fn a_sweep_says_that_it_does_not_use_parameters_that_were_sent() {
+        use rcs_msg::rcs::{ProcessInfo, SpeedLimit};
+        use rcs_runtime::source::{RunTag, SourceInfo, SourceKind, Topic};
+        let info = SourceInfo {
+            kind: SourceKind::Stack,
+            title: String::new(),
+            detail: String::new(),
+            start: Stamp(0),
+            end: None,
+            problems: Vec::new(),
+            gaps: Vec::new(),
+        };
+        let frame = |messages: u64| {
+            let schema = Arc::clone(rcs_msg::schema_of::<SpeedLimit>());
+            let mut params = Topic::new("/a/params", RunTag::FIRST, schema);
+            params.messages = messages;
+            let process =
+                ProcessInfo { name: "a".into(), params_buffer: "/a/params".into(), ..ProcessInfo::default() };
+            let empty = Frame::empty(Arc::new(info.clone()), Stamp(0));
+            Frame { topics: Arc::new([params]), processes: Arc::new([process]), ..empty }
+        };
+        let mut sweeping = Sweeping::new(None);
+        sweeping.look(&base(), Some(&frame(1)));
+        assert_eq!(sweeping.state(&base()).what, "truth_driver on meadow");
+        sweeping.look(&base(), Some(&frame(2)));
+        let what = "truth_driver on meadow, with the parameters of the stack file";
+        assert_eq!(sweeping.state(&base()).what, what);
+        // The recording of one of its runs is open.
+        let run = Request { log: Some("run-0001.mcap".into()), ..Request::default() };
+        sweeping.look(&run, Some(&frame(1)));
+        assert_eq!(sweeping.state(&run).what, what);
     }
 
     #[test]

@@ -222,14 +222,45 @@ impl Workspace {
         }
     }
 
+    /// Prepares a command of a process where commands with parameters can be sent: in the views that are open, one of
+    /// which comes to the front, or in a new one.
+    pub(super) fn choose_command(&mut self, process: &str, command: &str) {
+        let sends = |tile: &Tile<Pane>| matches!(tile, Tile::Pane(pane) if pane.view.sends_commands());
+        let active = self.tree.active_tiles();
+        let is_seen = active.iter().any(|id| self.tree.tiles.get(*id).is_some_and(sends));
+        if !is_seen
+            && !self.tree.make_active(|_, tile| sends(tile))
+            && let Some(view_type) = ocu_views::all().iter().find(|view| (view.make)().sends_commands())
+        {
+            self.add(view_type);
+        }
+        for tile in self.tree.tiles.tiles_mut() {
+            if let Tile::Pane(pane) = tile {
+                pane.view.choose_command(process, command);
+            }
+        }
+    }
+
     /// Whether `added` is the only pane.
     fn is_alone(&self, added: TileId) -> bool {
         let panes = self.tree.tiles.tiles().filter(|tile| matches!(tile, Tile::Pane(_))).count();
         panes <= 1 || self.tree.root() == Some(added)
     }
 
+    /// Lets all views look at what is shown, also those that are hidden behind others.
+    pub(super) fn watch(&mut self, ctx: &egui::Context, cx: &mut ViewContext<'_>) {
+        let shown = cx.frame;
+        for tile in self.tree.tiles.tiles_mut() {
+            let Tile::Pane(pane) = tile else { continue };
+            let Some(frame) = shown.of_run(pane.run.id()) else { continue };
+            let ViewContext { controls, selection, wishes, .. } = &mut *cx;
+            pane.view.watch(ctx, &mut ViewContext { frame, controls, selection, wishes });
+        }
+    }
+
     /// Paints all views.
     pub(super) fn ui(&mut self, ui: &mut egui::Ui, cx: &mut ViewContext<'_>) {
+        self.watch(ui.ctx(), cx);
         let mut behavior = Behavior { cx, add: None, focused: self.focused, run: None };
         self.tree.ui(&mut behavior, ui);
         let Behavior { add, focused, run, .. } = behavior;
@@ -514,85 +545,5 @@ fn extract(tiles: &Tiles<Pane>, id: TileId) -> Option<Node> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::bundled;
-
-    #[test]
-    fn a_layout_survives_being_opened_and_kept() {
-        for name in bundled::names("layout") {
-            let layout = Layout::bundled(name).unwrap().unwrap();
-            let kept = Workspace::new(&layout).layout(layout.buffers);
-            let again = Workspace::new(&kept).layout(kept.buffers);
-            assert_eq!(kept, again, "{name}");
-        }
-    }
-
-    #[test]
-    fn views_can_be_added_to_an_empty_workspace_and_beside_others() {
-        let mut workspace = Workspace::new(&Layout::empty());
-        assert!(workspace.is_empty());
-        let view_type = &ocu_views::all()[0];
-        workspace.add(view_type);
-        assert!(!workspace.is_empty());
-        workspace.add(view_type);
-        let Node::Row(parts) = workspace.layout(true).root else { panic!("expected a row") };
-        assert_eq!(parts.len(), 2);
-    }
-
-    fn view(kind: &str, id: u64) -> Node {
-        Node::View { kind: kind.into(), state: SavedState::Null, run: RunChoice::Shown, id }
-    }
-
-    #[test]
-    fn a_view_opens_beside_the_one_that_was_used_and_takes_half_of_its_place() {
-        let root = Node::Row(vec![(3.0, view("map", 0)), (1.0, view("camera", 0))]);
-        let mut workspace = Workspace::new(&Layout { root, ..Layout::empty() });
-        workspace.focused = Some(1);
-        workspace.add(view_type("fields").unwrap());
-        let Node::Row(parts) = workspace.layout(true).root else { panic!("expected a row") };
-        let kinds: Vec<_> = parts
-            .iter()
-            .map(|(share, node)| match node {
-                Node::View { kind, .. } => (kind.as_str(), share.round() as i32),
-                _ => panic!("expected views"),
-            })
-            .collect();
-        assert_eq!(kinds, [("map", 38), ("fields", 38), ("camera", 25)]);
-    }
-
-    #[test]
-    fn views_that_are_in_both_arrangements_are_the_same_and_keep_where_they_look() {
-        let mut workspace = Workspace::new(&Layout {
-            root: Node::Row(vec![(1.0, view("map", 0)), (1.0, view("camera", 0))]),
-            ..Layout::empty()
-        });
-        let before = workspace.layout(true);
-        let address = |workspace: &Workspace, id: u64| {
-            let panes = workspace.tree.tiles.tiles().filter_map(|tile| match tile {
-                Tile::Pane(pane) if pane.id == id => Some(std::ptr::from_ref(&*pane.view).addr()),
-                _ => None,
-            });
-            panes.last()
-        };
-        let map = address(&workspace, 1);
-        assert!(map.is_some());
-        let only = Layout { root: view("map", 1), ..before.clone() };
-        workspace.apply(&only);
-        assert_eq!(address(&workspace, 1), map);
-        workspace.apply(&before);
-        assert_eq!(address(&workspace, 1), map, "undo has kept it");
-        assert_eq!(workspace.layout(true), before);
-    }
-
-    #[test]
-    fn a_view_may_be_bound_to_a_run_which_layouts_store() {
-        let bound = Node::View { kind: "map".into(), state: SavedState::Null, run: RunChoice::Run(3), id: 0 };
-        let root = Node::Row(vec![(1.0, bound), (1.0, view("map", 0))]);
-        let layout = Workspace::new(&Layout { root, ..Layout::empty() }).layout(true);
-        let text = layout.to_text().unwrap();
-        assert_eq!(text.matches("run:").count(), 1, "{text}");
-        let workspace = Workspace::new(&Layout::parse("again", &text).unwrap());
-        assert_eq!(workspace.runs(), [RunId(3)]);
-    }
-}
+#[path = "tree_tests.rs"]
+mod tests;

@@ -14,7 +14,7 @@ use crate::canvas::Viewport;
 use crate::command;
 use crate::edit;
 use crate::toolbar;
-use crate::view::{Hover, SavedState, View, ViewContext};
+use crate::view::{Hover, SavedState, View, ViewContext, Wish};
 use egui::{Align, Color32, FontId, Painter, Pos2, Rect, Role, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
 use layout::{BOX, Places};
 use look::{State, light, look};
@@ -323,7 +323,7 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
     }
 }
 
-/// The commands of a process; one with parameters begins with its defaults.
+/// The commands of a process; one with parameters is prepared in the details view, from where it is sent.
 fn commands(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo) {
     ui.label(egui::RichText::new(format!("Send to {}", process.name)).small().color(tokens(ui).weak));
     let refused = command::refusal(cx.frame);
@@ -336,7 +336,10 @@ fn commands(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo) {
             continue;
         }
         cx.selection.process = Some(process.name.as_str().into());
-        if !with_parameters {
+        if with_parameters {
+            cx.wishes
+                .push(Wish::Command { process: process.name.as_str().into(), command: info.name.clone() });
+        } else {
             let serial = command::next_serial(cx.frame, process);
             cx.controls.push(command::send(cx.frame, process, serial, &info.name, None));
         }

@@ -4,6 +4,7 @@ mod access;
 mod behaviour;
 mod compares;
 mod hostile;
+mod log_lines;
 mod pictures;
 mod plans;
 mod projections;
@@ -46,7 +47,9 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
                 let panel = ocu_ui::tokens(ui).panel();
                 ui.painter().rect_filled(ui.max_rect(), 0.0, panel);
                 let Shown { view, frame, selection, controls, wishes } = shown;
-                show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection, wishes });
+                let mut cx = ViewContext { frame, controls, selection, wishes };
+                view.watch(ui.ctx(), &mut cx);
+                show(view.as_mut(), ui, &mut cx);
                 selection.hovered.turn();
                 selection.preview.turn();
             },

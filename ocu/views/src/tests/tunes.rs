@@ -2,7 +2,7 @@
 
 use super::{Shown, harness};
 use crate::samples;
-use crate::view::{Preview, Previews};
+use crate::view::{Preview, Previews, Wish};
 use egui::accesskit::Role;
 use egui::{Event, Key, Theme, Vec2};
 use egui_kittest::Harness;
@@ -77,6 +77,19 @@ fn a_command_that_goes_out_on_each_change_does_not_go_out_without_one() {
         press(&mut harness, Key::Tab);
         assert_eq!(harness.state().controls.len(), 1, "the same number is sent once");
     }
+}
+
+#[test]
+fn a_command_with_parameters_in_the_menu_of_a_box_is_to_be_prepared_and_is_not_sent() {
+    let mut harness = shown("hierarchy", &serde_json::json!({}), 1.0);
+    harness.get_by_label_contains("Process vehicle_interface").click_secondary();
+    harness.run();
+    harness.get_by_label("LIMIT…").click();
+    harness.run();
+    assert!(harness.state().controls.is_empty());
+    let wishes = &harness.state().wishes;
+    let [Wish::Command { process, command }] = wishes.as_slice() else { panic!("{wishes:?}") };
+    assert_eq!((&**process, command.as_str()), ("vehicle_interface", "LIMIT"));
 }
 
 #[test]

@@ -1,12 +1,14 @@
 //! Edited parameters of one process: the changes that were not sent, what they replaced, and the kept sets A and B.
 
 use rcs_msg::params::{ParamSpec, specs, with_params};
-use rcs_msg::{AnyMessage, FieldPath, Value};
-
+use rcs_msg::{AnyMessage, FieldPath, Stamp, Value, rcs};
 use std::collections::BTreeMap;
 
 /// Number of messages that can be taken back.
 const MOST: usize = 50;
+/// For this time of the source after parameters were sent, a fault of the process is taken as due to them, ns. A process
+/// takes them in its next cycle.
+const DUE_NS: u64 = 3_000_000_000;
 
 /// The edited parameters of a process.
 #[derive(Default)]
@@ -20,8 +22,10 @@ pub(super) struct Draft {
     kept: [Option<AnyMessage>; 2],
     /// Why the last change was refused.
     refused: Option<String>,
-    /// Number of the process's faults when something was sent last.
-    faults_before: Option<u64>,
+    /// When something was sent last, and the number of the process's faults then.
+    sent_at: Option<(Stamp, u64)>,
+    /// The fault of the process that followed.
+    fault: Option<String>,
     /// What the parameters are.
     specs: Vec<ParamSpec>,
 }
@@ -102,6 +106,7 @@ impl Draft {
     pub(super) fn discard(&mut self) {
         self.changes.clear();
         (self.made, self.refused) = (None, None);
+        (self.sent_at, self.fault) = (None, None);
     }
 
     /// Something is sent that replaces `in_force`.
@@ -137,14 +142,23 @@ impl Draft {
         self.refused.as_deref()
     }
 
-    /// Number of the process's faults before the last message, if one was sent.
-    pub(super) fn faults_before(&self) -> Option<u64> {
-        self.faults_before
+    /// The fault that followed what was sent last.
+    pub(super) fn fault(&self) -> Option<&str> {
+        self.fault.as_deref()
     }
 
-    /// Counts the process's faults from now on.
-    pub(super) fn count_faults(&mut self, faults: u64) {
-        self.faults_before = Some(faults);
+    /// Something is sent now to the process, which has had so many faults.
+    pub(super) fn await_fault(&mut self, now: Stamp, faults: u64) {
+        (self.sent_at, self.fault) = (Some((now, faults)), None);
+    }
+
+    /// Notes the first fault of the process shortly after something was sent.
+    pub(super) fn take_fault(&mut self, now: Stamp, status: &rcs::Status) {
+        let Some((sent, faults)) = self.sent_at else { return };
+        let is_due = now >= sent && now <= sent.after_ns(DUE_NS);
+        if is_due && self.fault.is_none() && status.faults > faults {
+            self.fault = Some(status.last_fault.clone());
+        }
     }
 }
 
@@ -167,4 +181,32 @@ pub(super) fn text_of(value: &Value) -> Option<String> {
         Value::Enum { name, .. } => name.clone(),
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn status(faults: u64, last_fault: &str) -> rcs::Status {
+        rcs::Status { faults, last_fault: last_fault.to_owned(), ..rcs::Status::default() }
+    }
+
+    #[test]
+    fn a_fault_counts_as_due_to_parameters_only_shortly_after_they_were_sent() {
+        let at = |s: u64| Stamp(s * 1_000_000_000);
+        let mut draft = Draft::default();
+        draft.take_fault(at(5), &status(2, "late"));
+        draft.await_fault(at(10), 2);
+        draft.take_fault(at(10), &status(2, "late"));
+        assert_eq!(draft.fault(), None, "it was there before");
+        draft.take_fault(at(11), &status(3, "refused"));
+        draft.take_fault(at(70), &status(4, "late"));
+        assert_eq!(draft.fault(), Some("refused"));
+        draft.undo();
+        assert_eq!(draft.fault(), None);
+        draft.await_fault(at(80), 4);
+        draft.take_fault(at(81), &status(4, "late"));
+        draft.take_fault(at(200), &status(5, "late"));
+        assert_eq!(draft.fault(), None, "minutes later");
+    }
 }

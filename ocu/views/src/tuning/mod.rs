@@ -75,6 +75,9 @@ impl View for Tuning {
         };
         let draft = self.drafts.entry(info.name.clone()).or_default();
         draft.follow(&in_force, &now);
+        if let Some(status) = cx.frame.status(info) {
+            draft.take_fault(cx.frame.now, status);
+        }
         let may_send = refusal(cx.frame).is_none();
         actions(ui, cx, info, draft, &in_force, self.saved.at_once);
         notes(ui, cx.frame, info, draft);
@@ -188,7 +191,12 @@ pub(crate) fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMess
 fn send(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, in_force: &AnyMessage) {
     let message = draft.message(in_force);
     draft.sent(in_force);
-    draft.count_faults(cx.frame.status(info).map_or(0, |status| status.faults));
+    write(cx, info, draft, message);
+}
+
+/// Writes parameters; a fault of the process that follows is shown.
+fn write(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, message: AnyMessage) {
+    draft.await_fault(cx.frame.now, cx.frame.status(info).map_or(0, |status| status.faults));
     cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
 }
 
@@ -203,9 +211,6 @@ fn actions(
 ) {
     let refused = refusal(cx.frame);
     let why = refused.unwrap_or("Nothing has been changed.");
-    let write = |cx: &mut ViewContext<'_>, message: AnyMessage| {
-        cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
-    };
     ui.add_space(4.0);
     ui.horizontal_wrapped(|ui| {
         ui.add_space(8.0);
@@ -230,7 +235,7 @@ fn actions(
         if undo.on_hover_text("Send the parameters from before the last change").clicked()
             && let Some(before) = draft.undo()
         {
-            write(cx, before);
+            write(cx, info, draft, before);
         }
         ui.separator();
         for (slot, name) in ["A", "B"].into_iter().enumerate() {
@@ -252,7 +257,7 @@ fn actions(
                     Some(kept) if !is_on => {
                         draft.discard();
                         draft.sent(in_force);
-                        write(cx, kept);
+                        write(cx, info, draft, kept);
                     }
                     Some(_) => {}
                 }
@@ -293,10 +298,8 @@ fn notes(ui: &mut Ui, frame: &Frame, info: &rcs::ProcessInfo, draft: &Draft) {
     if let Some(refused) = draft.refused() {
         note(refused.to_owned(), tokens.error);
     }
-    if let Some(status) = frame.status(info)
-        && draft.faults_before().is_some_and(|before| status.faults > before)
-    {
-        note(format!("{}: {}", info.name, status.last_fault), tokens.error);
+    if let Some(fault) = draft.fault() {
+        note(format!("{}: {fault}", info.name), tokens.error);
     }
 }
 

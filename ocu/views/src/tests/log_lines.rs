@@ -1,0 +1,67 @@
+//! The lines of the text log, as they are scrolled.
+
+use super::{Shown, harness};
+use crate::samples;
+use egui::{Event, Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use rcs_msg::Stamp;
+use rcs_runtime::source::{Event as Line, EventKind, EventLevel, Events, Frame, RunTag};
+use std::sync::Arc;
+
+/// A line each second.
+fn frame(lines: u64) -> Frame {
+    let empty = samples::empty();
+    let line = |second: u64| Line {
+        stamp: at(&empty, second),
+        kind: EventKind::Log,
+        level: EventLevel::Info,
+        source: "node".into(),
+        text: format!("line {second}.").into(),
+    };
+    let events = Events::of(RunTag::FIRST, (0..lines).map(line));
+    Frame { now: at(&empty, 50), events: Arc::new([events]), ..empty }
+}
+
+fn at(frame: &Frame, second: u64) -> Stamp {
+    frame.info.start.after_ns(second * 1_000_000_000)
+}
+
+fn wheel(harness: &mut Harness<'_, Shown>, down: f32) {
+    harness.hover_at(egui::Pos2::new(400.0, 300.0));
+    harness.run();
+    harness.event(Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Point,
+        delta: Vec2::new(0.0, -down),
+        phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Unknown,
+        modifiers: egui::Modifiers::NONE,
+    });
+    harness.run();
+}
+
+#[test]
+fn the_log_follows_the_viewed_time_until_it_is_scrolled_and_again_at_its_end() {
+    let mut harness = harness(Shown::new("log", frame(100)), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    let sees = |harness: &Harness<'_, Shown>, second: u64| {
+        let label = format!("node: line {second}.");
+        harness.query_all_by_label_contains(&label).next().is_some()
+    };
+    let goes_on = |harness: &mut Harness<'_, Shown>, second: u64| {
+        let now = at(&harness.state().frame, second);
+        harness.state_mut().frame.now = now;
+        harness.run();
+    };
+    assert!(sees(&harness, 50));
+    goes_on(&mut harness, 55);
+    assert!(sees(&harness, 55), "it follows");
+    wheel(&mut harness, -400.0);
+    assert!(sees(&harness, 12) && !sees(&harness, 55));
+    goes_on(&mut harness, 56);
+    assert!(sees(&harness, 12) && !sees(&harness, 56), "it was scrolled");
+    wheel(&mut harness, 10_000.0);
+    assert!(sees(&harness, 99));
+    goes_on(&mut harness, 57);
+    assert!(sees(&harness, 57) && !sees(&harness, 99), "it was scrolled to its end");
+}
