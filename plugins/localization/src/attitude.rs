@@ -4,6 +4,12 @@
 //! corrects roll and pitch; accelerations from the vehicle's own motion, as measured by the wheels, are subtracted
 //! before. Yaw drifts with the bias of its gyro, which is estimated while the vehicle stands, and, where the inertial
 //! sensor has a compass that is to be used, while it drives.
+//!
+//! Whether the vehicle stands, the wheels and the gyros tell together. A bias of 0.03 rad/s or more looks like a turn.
+//! While no smaller one is known, it is learned where the wheels stand and the gyros tell the same turn for
+//! two seconds, up to 0.1 rad/s; what the heading has turned meanwhile is taken back. A vehicle that is turned
+//! that slowly and steadily at the start of a run without its wheels, as on a turntable, is taken for one that stands;
+//! after that turn, the bias is learned again in the same way. Once a smaller bias is known, such turns are followed.
 
 use glam::{DQuat, DVec3};
 use rcs_geom::wrap_angle;
@@ -16,6 +22,10 @@ const STANDING_RADPS: f64 = 0.03;
 /// Shortest rest from which a bias is estimated, s: the vehicle may be about to turn, and the first readings of that
 /// turn must not be taken for a bias.
 const LEAST_REST_S: f64 = 0.5;
+/// Greatest bias, rad/s, and time over which the turn rates must be steady to be taken for a bias of [`STANDING_RADPS`] or
+/// more, s.
+const LARGEST_BIAS_RADPS: f64 = 0.1;
+const LEAST_STEADY_S: f64 = 2.0;
 /// Longest gap between readings that is integrated over, s.
 const MAX_STEP_S: f64 = 0.5;
 
@@ -43,6 +53,9 @@ pub struct Attitude {
     /// Duration of the current rest, s, and the mean turn rate in its first [`LEAST_REST_S`], rad/s.
     rest_s: f64,
     rest_mean: DVec3,
+    /// How long the wheels have stood while the gyros told a steady turn, s, and its mean rate, rad/s.
+    steady_s: f64,
+    steady_mean: DVec3,
 }
 
 impl Attitude {
@@ -58,6 +71,8 @@ impl Attitude {
             rested_s: 0.0,
             rest_s: 0.0,
             rest_mean: DVec3::ZERO,
+            steady_s: 0.0,
+            steady_mean: DVec3::ZERO,
         }
     }
 
@@ -73,12 +88,18 @@ impl Attitude {
     ) {
         let elapsed_s = elapsed_s.clamp(0.0, MAX_STEP_S);
         let turn = gyro_radps - self.bias;
-        if standing && turn.length() < STANDING_RADPS {
+        let at_rest = standing && turn.length() < STANDING_RADPS;
+        if at_rest {
             self.rest(settings, gyro_radps, elapsed_s);
             self.turn_radps = DVec3::ZERO;
         } else {
             self.turn_radps = turn;
             (self.rest_s, self.rest_mean) = (0.0, DVec3::ZERO);
+        }
+        if standing && !at_rest {
+            self.take_steady(settings, gyro_radps, elapsed_s);
+        } else {
+            (self.steady_s, self.steady_mean) = (0.0, DVec3::ZERO);
         }
         let mut attitude = self.level_from_vehicle * DQuat::from_scaled_axis(self.turn_radps * elapsed_s);
         let is_gravity = |force: &DVec3| (force.length() - GRAVITY_MPS2).abs() < settings.tilt_gate_mps2;
@@ -110,6 +131,33 @@ impl Attitude {
         };
         self.rested_s = (self.rested_s + weight_s).min(settings.bias_time_s.max(weight_s));
         self.bias += (value - self.bias) * (weight_s / self.rested_s);
+    }
+
+    /// Takes a steady turn that the gyros tell while the wheels stand for a large bias, while no small one is known.
+    fn take_steady(&mut self, settings: &AttitudeSettings, gyro_radps: DVec3, elapsed_s: f64) {
+        let may_be_bias = (self.rested_s == 0.0 || self.bias.length() >= STANDING_RADPS)
+            && gyro_radps.length() < LARGEST_BIAS_RADPS;
+        let is_steady = self.steady_s == 0.0 || (gyro_radps - self.steady_mean).length() < STANDING_RADPS;
+        if !(may_be_bias && is_steady) {
+            (self.steady_s, self.steady_mean) = (0.0, DVec3::ZERO);
+            return;
+        }
+        if elapsed_s <= 0.0 {
+            return;
+        }
+        let before_s = self.steady_s;
+        self.steady_s += elapsed_s;
+        self.steady_mean += (gyro_radps - self.steady_mean) * (elapsed_s / self.steady_s);
+        if self.steady_s < LEAST_STEADY_S {
+            return;
+        }
+        // The vehicle has not turned since then.
+        let up = self.level_from_vehicle.conjugate() * DVec3::Z;
+        self.turn_by(-before_s * (self.steady_mean - self.bias).dot(up));
+        self.bias = self.steady_mean;
+        self.rested_s = self.steady_s.min(settings.bias_time_s);
+        self.turn_radps = DVec3::ZERO;
+        (self.steady_s, self.steady_mean) = (0.0, DVec3::ZERO);
     }
 
     /// Corrects heading and bias by the heading of a compass, counter-clockwise from east, rad, `elapsed_s` after the
@@ -199,6 +247,54 @@ mod tests {
             // The encoders report the turn only after a moment.
             let (gyro, standing) = (DVec3::Z * 0.001 * f64::from(step), step < 20);
             attitude.update(&SETTINGS, gyro, Some(DVec3::Z * 9.81), 0.01, standing);
+        }
+        assert_eq!(attitude.bias, DVec3::ZERO);
+    }
+
+    /// Stands on its wheels for some readings of 0.01 s, with this turn rate by the gyros, rad/s.
+    fn stand(attitude: &mut Attitude, gyro: DVec3, readings: usize) {
+        for _ in 0..readings {
+            attitude.update(&SETTINGS, gyro, Some(DVec3::Z * 9.81), 0.01, true);
+        }
+    }
+
+    #[test]
+    fn a_large_bias_is_learned_from_steady_turn_rates_while_the_wheels_stand() {
+        let bias = DVec3::new(0.02, -0.03, 0.06);
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 1.0);
+        for step in 0..1000 {
+            // A plain sequence that has no trend.
+            let noise = (f64::from(step * 7919 % 1000) / 999.0 - 0.5) * 0.01;
+            stand(&mut attitude, bias + DVec3::Z * noise, 1);
+        }
+        assert!((attitude.bias - bias).length() < 0.001, "{}", attitude.bias);
+        assert!((attitude.yaw_rad() - 1.0).abs() < 0.01, "it has not turned: {}", attitude.yaw_rad());
+        for _ in 0..100 {
+            let gyro = bias + DVec3::Z * 0.5;
+            attitude.update(&SETTINGS, gyro, Some(DVec3::Z * 9.81), 0.01, false);
+        }
+        assert!((attitude.yaw_rad() - 1.5).abs() < 0.01, "{}", attitude.yaw_rad());
+    }
+
+    #[test]
+    fn a_slow_turn_on_standing_wheels_is_no_bias_once_a_small_one_is_known_or_not_for_long() {
+        let turn = DVec3::Z * 0.05;
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
+        stand(&mut attitude, DVec3::Z * 0.001, 100);
+        stand(&mut attitude, turn + DVec3::Z * 0.001, 1000);
+        assert!((attitude.yaw_rad() - 0.5).abs() < 1e-3, "{}", attitude.yaw_rad());
+        // At the start of a run it is taken for one, and not any more when it ends.
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
+        stand(&mut attitude, turn, 1000);
+        assert!((attitude.bias - turn).length() < 1e-9, "{}", attitude.bias);
+        stand(&mut attitude, DVec3::ZERO, 300);
+        assert!(attitude.bias.length() < 1e-9, "{}", attitude.bias);
+        // A faster or an unsteady turn is none.
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
+        stand(&mut attitude, DVec3::Z * 0.11, 1000);
+        for _ in 0..10 {
+            stand(&mut attitude, turn, 150);
+            stand(&mut attitude, -turn, 150);
         }
         assert_eq!(attitude.bias, DVec3::ZERO);
     }

@@ -77,7 +77,8 @@
 //!
 //! Unusable readings (not finite or absurd, older than the previous one, wheel distances that jump, a position outside of
 //! UTM, an outlier, a fix that is repeated or older than `gps_dropout_s`, or with the ROS status "no fix") are faults and are
-//! skipped. A fix without altitude (NaN, by ROS conventions) leaves the height as it is. A reading from the future counts as
+//! skipped. An orientation of the inertial sensor that cannot be used, such as four zeros, is a fault once and counts as none.
+//! A fix without altitude (NaN, by ROS conventions) leaves the height as it is. A reading from the future counts as
 //! taken when it came: a sensor whose clock was ahead for a moment is not refused until that time is there.
 //!
 //! Without a world file, the global frame has its origin at the first of the two fixes that agree. An inertial sensor that
@@ -103,6 +104,7 @@ rcs_msg::messages!(
 );
 
 pub mod attitude;
+mod compass;
 pub mod fixes;
 pub mod grip;
 pub mod planar;

@@ -2,6 +2,7 @@
 //! the crate's documentation.
 
 use crate::attitude::{Attitude, AttitudeSettings};
+use crate::compass::{compass_rad, start_heading};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
 use crate::grip::Grip;
 use crate::planar::{MotionNoise, Planar};
@@ -16,7 +17,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{self, GroundSpeed, Imu, SlipReport, VisualMotion, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, Repeats, SensorTime, pose_message, pose_of};
+use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, Repeats, SensorTime, pose_message};
 use serde::{Deserialize, Serialize};
 
 /// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.
@@ -61,6 +62,11 @@ pub struct Localization {
     counted: Option<Stamp>,
     /// Time of the last inertial reading.
     felt: Option<Stamp>,
+    /// Whether the last orientation of the inertial sensor could not be used.
+    refuses_compass: bool,
+    /// Whether the estimates began with the heading of the parameters because of that: until the vehicle moves, the first
+    /// orientation that can be used gives the heading.
+    awaits_compass: bool,
     wheels: Option<Wheels>,
     /// Speed over ground and when it was measured.
     ground_speed: Option<(f64, Stamp)>,
@@ -187,7 +193,7 @@ impl Localization {
         let now = cx.now();
         let mut newest = None;
         while let Some(imu) = cx.read(&ports.imu) {
-            match self.feel(&imu, params) {
+            match self.feel(&imu, params, cx) {
                 Ok(()) => {
                     newest = newest.max(Some(imu.acq_time_on_arrival()));
                     self.counted.get_or_insert(now);
@@ -238,7 +244,12 @@ impl Localization {
         is_frozen
     }
 
-    fn feel(&mut self, imu: &Msg<Imu>, params: &LocalizationParams) -> Result<(), String> {
+    fn feel(
+        &mut self,
+        imu: &Msg<Imu>,
+        params: &LocalizationParams,
+        cx: &mut Cycle<'_>,
+    ) -> Result<(), String> {
         let gyro = vector(imu.angular_velocity.as_ref()).ok_or("no turn rates")?;
         let force = vector(imu.linear_acceleration.as_ref()).ok_or("no accelerations")?;
         // Also where they are no numbers.
@@ -252,12 +263,17 @@ impl Localization {
         }
         let time = imu.acq_time_on_arrival();
         let slips = self.slipping_mps(time).is_some();
-        // Estimates that began without inertial sensors begin again, unless the vehicle has moved since.
-        let is_first = self.felt.is_none() && self.wheels.is_none_or(|wheels| !wheels.has_moved());
+        let has_compass = params.compass_time_s > 0.0;
+        let is_asked = has_compass || self.felt.is_none() || self.awaits_compass;
+        let compass_rad = if is_asked { self.compass_rad(imu, cx) } else { None };
+        // Estimates that began without inertial sensors, or without their heading, begin again, unless the vehicle has moved
+        // since.
+        let begins = self.felt.is_none() || (self.awaits_compass && compass_rad.is_some());
+        let is_first = begins && self.wheels.is_none_or(|wheels| !wheels.has_moved());
         let Some(attitude) = self.attitude.as_mut().filter(|_| !is_first) else {
-            let (yaw_rad, variance) = start_heading(imu, params)?;
+            let (yaw_rad, variance) = start_heading(imu, compass_rad, params);
             self.begin(force, yaw_rad, variance);
-            self.felt = Some(time);
+            (self.felt, self.awaits_compass) = (Some(time), self.refuses_compass);
             return Ok(());
         };
         let settings = AttitudeSettings {
@@ -275,15 +291,30 @@ impl Localization {
         let own = gain.map_or(DVec3::ZERO, |(gain_mps2, _)| {
             DVec3::new(gain_mps2, self.speed_mps * attitude.turn_radps.z, 0.0)
         });
-        let compass_rad = if params.compass_time_s > 0.0 { compass_rad(imu)? } else { None };
         // The acceleration of a vehicle whose wheels slip is not known: for that time the gyros alone turn it.
         let felt = (!slips).then_some(force - own);
         attitude.update(&settings, gyro, felt, elapsed_s, standing);
-        if let Some(heading_rad) = compass_rad {
+        if let Some(heading_rad) = compass_rad.filter(|_| has_compass) {
             attitude.follow_compass(heading_rad, params.compass_time_s, elapsed_s);
         }
         self.felt = Some(time);
         Ok(())
+    }
+
+    /// Heading that the inertial sensor states, rad. An orientation that cannot be used counts as none, and is a fault once:
+    /// turn rates and accelerations are good without it.
+    fn compass_rad(&mut self, imu: &Imu, cx: &mut Cycle<'_>) -> Option<f64> {
+        let heading_rad = compass_rad(imu);
+        let was_refused = std::mem::replace(&mut self.refuses_compass, heading_rad.is_err());
+        match heading_rad {
+            Ok(heading_rad) => heading_rad,
+            Err(error) => {
+                if !was_refused {
+                    cx.fault(format!("imu: orientation: {error}; not used"));
+                }
+                None
+            }
+        }
     }
 
     fn begin(&mut self, force_mps2: DVec3, yaw_rad: f64, yaw_variance: f64) {
@@ -541,26 +572,6 @@ fn way_slip(slipped: &Slipped, time: Stamp) -> rcs::WaySlip {
         slip: slipped.slip(),
         middle: Some(pose_message(&slipped.middle)),
     }
-}
-
-/// Heading at the start and its variance, rad and rad²: from the sensor or from the parameters.
-fn start_heading(imu: &Imu, params: &LocalizationParams) -> Result<(f64, f64), String> {
-    let deviation = params.start_heading_noise_deg.to_radians();
-    let Some(heading_rad) = compass_rad(imu)? else {
-        return Ok((params.start_heading_deg.to_radians(), deviation * deviation));
-    };
-    let stated = imu.orientation_covariance.get(8).copied().filter(|v| v.is_finite() && *v > 0.0);
-    Ok((heading_rad, stated.unwrap_or(deviation * deviation)))
-}
-
-/// Heading that the sensor states, counter-clockwise from east, rad.
-fn compass_rad(imu: &Imu) -> Result<Option<f64>, String> {
-    if imu.orientation.is_none() {
-        return Ok(None);
-    }
-    let pose = rcs_msg::foxglove::Pose { position: Some(Vector3::default()), orientation: imu.orientation };
-    let pose = pose_of(Some(&pose), "imu").map_err(|error| error.to_string())?;
-    Ok(Some(pose.yaw()))
 }
 
 /// Row-major 6×6 covariance of x, y, z, roll, pitch, yaw: m² and rad².

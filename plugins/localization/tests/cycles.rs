@@ -4,7 +4,7 @@
 
 use rcs_geom::Pose;
 use rcs_localization::Localization;
-use rcs_msg::foxglove::{KeyValuePair, LocationFix, Odometry, Vector3, location_fix};
+use rcs_msg::foxglove::{KeyValuePair, LocationFix, Odometry, Quaternion, Vector3, location_fix};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_sense::{pose_message, pose_of};
@@ -285,6 +285,53 @@ fn an_inertial_sensor_that_begins_late_gives_the_heading_at_the_start() {
         bench.write("/operator/encoders", rolled(moved_m));
         bench.write("/operator/imu", heading(1.0));
         bench.cycles(20, 2);
+        let [_, yaw_rad] = estimate(&bench, "/localization/local");
+        assert!((yaw_rad - expected_rad).abs() < 1e-6, "{moved_m} m: {yaw_rad}");
+    }
+}
+
+/// An inertial reading whose orientation was never set.
+fn unset_orientation(turn_radps: f64) -> rcs::Imu {
+    rcs::Imu { orientation: Some(Quaternion::default()), ..imu(turn_radps) }
+}
+
+#[test]
+fn an_orientation_that_cannot_be_used_is_a_fault_once_and_gyros_and_accelerometers_count() {
+    for compass_time_s in ["0", "20"] {
+        let params =
+            [("localization.start_heading_deg", "90"), ("localization.compass_time_s", compass_time_s)];
+        let mut bench = Setup::new(STACK, &[ProcessType::of::<Localization>()]).params(&params).bench();
+        bench.cycles(20, 1);
+        for _ in 0..50 {
+            stand(&mut bench, unset_orientation(0.0));
+        }
+        let [_, yaw_rad] = estimate(&bench, "/localization/local");
+        assert!((yaw_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-6, "{compass_time_s}: {yaw_rad}");
+        for _ in 0..50 {
+            stand(&mut bench, unset_orientation(0.5));
+        }
+        let [_, yaw_rad] = estimate(&bench, "/localization/local");
+        assert!((yaw_rad - std::f64::consts::FRAC_PI_2 - 0.5).abs() < 0.02, "{compass_time_s}: {yaw_rad}");
+        let (count, text) = bench.faults("localization");
+        assert!(count == 1 && text.contains("imu: orientation: "), "{compass_time_s}: {count} {text}");
+    }
+}
+
+#[test]
+fn an_orientation_that_comes_before_the_vehicle_moves_gives_the_heading_at_the_start() {
+    for (moved_m, expected_rad) in [(0.0, 1.0), (1.0, 0.0)] {
+        let mut bench = start();
+        bench.cycles(20, 1);
+        for step in 0..100 {
+            bench.write("/operator/encoders", rolled(moved_m * f64::from(step) / 99.0));
+            bench.write("/operator/imu", unset_orientation(0.0));
+            bench.cycles(20, 1);
+        }
+        for _ in 0..2 {
+            bench.write("/operator/encoders", rolled(moved_m));
+            bench.write("/operator/imu", heading(1.0));
+            bench.cycles(20, 1);
+        }
         let [_, yaw_rad] = estimate(&bench, "/localization/local");
         assert!((yaw_rad - expected_rad).abs() < 1e-6, "{moved_m} m: {yaw_rad}");
     }

@@ -4,6 +4,7 @@
 use crate::arcs::{self, Arc, Motion, Scene, Scored};
 use crate::barred::Barred;
 use crate::follower_costs::Costs;
+use crate::held::Held;
 use crate::modes::{Action, Bars, Mode, Modes, Obstacles, Table, Towards, Transition};
 use crate::motion::{
     OWN_TRACK_M, Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds, turned_away,
@@ -17,12 +18,8 @@ use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
 use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport, VehicleStatus, WaySlip};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of, stop_reason};
+use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
-
-/// Reasons of the vehicle interface to stop the vehicle that follow from the commands of this process, or
-/// from a bumper hit, with which a mode begins that is to go on.
-const OWN_REASONS: [&str; 3] = [stop_reason::BUMPER, stop_reason::NO_COMMAND, stop_reason::REFUSED];
 
 /// State: the waypoints, the goal, the poses of the last seconds, the last arc, and the active mode.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -117,7 +114,7 @@ impl Process for WaypointFollower {
             slip: b.optional_input("slip", "slip of the wheels and load of the motors, for modes"),
             way_slip: b
                 .optional_input("way_slip", "slip over the last metres, for modes"),
-            vehicle: b.optional_input("vehicle", "state of the vehicle; held, it is not stuck"),
+            vehicle: b.optional_input("vehicle", "state of the vehicle; held or driven by hand, it is not stuck"),
             poses: PosePorts::declare(b),
             drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             arc: b.output("arc", "the arc that is driven, local frame").role(Role::Path).build(),
@@ -225,29 +222,6 @@ impl Process for WaypointFollower {
         self.watch = Watch::default();
         send(ports, 0.0, 0.0, cx);
         cx.done("halted");
-    }
-}
-
-/// Whether something other than this process holds the vehicle, or slows it down so much that it would be taken for stuck.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Held {
-    Not,
-    Otherwise,
-    ByEmergency,
-}
-
-impl Held {
-    /// By the vehicle's status and the lowest speed of the follower, m/s.
-    fn of(vehicle: Option<&VehicleStatus>, min_speed_mps: f64) -> Held {
-        let Some(vehicle) = vehicle else { return Held::Not };
-        let is_held = vehicle.stopped && !OWN_REASONS.contains(&vehicle.stop_reason.as_str());
-        // 0 where the vehicle states no limit.
-        let is_slow = vehicle.max_speed_mps > 0.0 && vehicle.max_speed_mps < min_speed_mps;
-        match (vehicle.emergency_stopped, is_held || is_slow) {
-            (true, _) => Held::ByEmergency,
-            (false, true) => Held::Otherwise,
-            (false, false) => Held::Not,
-        }
     }
 }
 

@@ -18,6 +18,7 @@ use crate::children::Children;
 use crate::goal::Goal;
 use crate::goal_search::GoalSearch;
 use crate::grip::Gripped;
+use crate::held::Held;
 use crate::mission::Mission;
 use crate::process::PlannerCommand;
 use crate::proto::{
@@ -59,8 +60,6 @@ pub struct WaypointGenerator {
     mission: Mission,
     /// The search for the goal of the file, since it arrived there.
     search: Option<GoalSearch>,
-    /// Sequence of the operator's message that was read last.
-    taken: u64,
     /// Where the vehicle must not drive, global frame, m, as the planners were told.
     zones: Zones,
     /// Why the goal is not driven to.
@@ -133,6 +132,7 @@ pub struct Ports {
     registration: In<FrameTransforms>,
     modes: In<ModeEvent>,
     plan: In<rcs::Plan>,
+    vehicle: In<rcs::VehicleStatus>,
     mission: In<rcs::Mission>,
     waypoints: Out<PosesInFrame>,
     goal: Out<PoseInFrame>,
@@ -180,6 +180,10 @@ impl Process for WaypointGenerator {
                 "plan",
                 "the planner's plan: whether there is a way to where the far path leads",
             ),
+            vehicle: b.optional_input(
+                "vehicle",
+                "state of the vehicle; while it is held or driven by hand, the search for the goal waits",
+            ),
             mission: b.operator_input(InputRole::Mission, "mission", "goals, area and zones of the operator"),
             waypoints: b
                 .output("waypoints", "waypoints along the path, local frame; none to stand")
@@ -222,6 +226,11 @@ impl Process for WaypointGenerator {
 
     fn new(_params: &WaypointGeneratorParams) -> Self {
         Self::default()
+    }
+
+    /// Where the operator has sent the vehicle is kept, with the goals that it has reached.
+    fn renew(&self, _params: &WaypointGeneratorParams) -> Self {
+        Self { commanded: self.commanded, mission: self.mission.clone(), ..Self::default() }
     }
 
     fn init(&mut self, ports: &Ports, _params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
@@ -275,7 +284,9 @@ impl Process for WaypointGenerator {
             registration.and_then(|message| route::registered(&message, &params.local_frame));
         let goal = self.found_before(params, stated, local_from_route.as_ref()).unwrap_or(stated);
         let local_from_route = local_from_route.or_else(|| self.placed_by_start(params));
-        let may_drive = !self.is_standing && ports.children.may_drive(cx);
+        // Under a speed limit it may, however slowly; one of 0 holds the vehicle.
+        let held = Held::of(cx.latest(&ports.vehicle).as_deref(), 0.0);
+        let may_drive = !self.is_standing && held == Held::Not && ports.children.may_drive(cx);
         let goal = self.look_for_goal(params, goal, arrived, may_drive, cx.now());
         let Some((global_from_local, at)) = self.global_from_local else {
             return cx.exec("waits for the local frame in the global frame");

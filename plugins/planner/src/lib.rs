@@ -44,6 +44,7 @@
 //! | `registration` | in, optional | `foxglove.FrameTransforms` | the global frame of the remembered route in the local frame |
 //! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
 //! | `plan` | in, optional | `rcs.Plan` | the planner's plan: whether there is a way to where the far path leads |
+//! | `vehicle` | in, optional | `rcs.VehicleStatus` | state of the vehicle; while it is held or driven by hand, the search for the goal waits |
 //! | `mission` | in, optional | `rcs.Mission` | goals, area and zones of the operator |
 //! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal in the local frame |
@@ -55,7 +56,7 @@
 //! `HALT` on to them, and has the planners plan to the goal ([`goal`]) wherever that moves in the local frame. With a far
 //! planner, the near one plans to the point of its path that lies `lookahead_m` along it, as the levels of A 5 do, so
 //! that what has left the near map is not forgotten; where its path there is a detour, to a point half as far. Command `GO_TO` gives another goal, and the operator's `mission` gives
-//! several ([`mission`]), which are driven to one after the other. The planners go around [`zones`] and stay inside of the
+//! several ([`mission`]), which are driven to one after the other; both outlive `INIT`. The planners go around [`zones`] and stay inside of the
 //! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`], cut by the `map` as [`shortcut`] says)
 //! is a parameter of the next one, and the planner makes the cells along it cheaper. With `found_within_m`, it looks
 //! for the goal of the file after it has arrived there by its own estimate ([`goal_search`]). There are no waypoints,
@@ -78,7 +79,7 @@
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |
 //! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels and load of the motors, for modes |
 //! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres, for modes |
-//! | `vehicle` | in, optional | `rcs.VehicleStatus` | state of the vehicle; held, it is not stuck |
+//! | `vehicle` | in, optional | `rcs.VehicleStatus` | state of the vehicle; held or driven by hand, it is not stuck |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
@@ -128,6 +129,7 @@ pub mod goal;
 pub mod goal_search;
 pub mod grip;
 mod ground;
+mod held;
 mod map_reader;
 pub mod mission;
 pub mod modes;

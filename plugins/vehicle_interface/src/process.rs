@@ -36,7 +36,10 @@ pub struct VehicleInterface {
     emergency: Option<(String, Stamp)>,
     ramps: Ramps,
     slip: Slip,
+    /// `None` before the first cycle after `INIT`.
     last_cycle: Option<Stamp>,
+    /// When it last sent a command to the vehicle, also before `INIT`.
+    commanded: Option<Stamp>,
     /// Yaw of the local estimate, and its time.
     yaw: Option<(f64, Stamp)>,
     sensed: Sensed,
@@ -87,6 +90,8 @@ struct Decision {
     stop_reason: String,
     /// The limit of `LIMIT_SPEED`, m/s; infinite without one.
     limit_mps: f64,
+    /// Whether it obeys the operator's drive command.
+    teleoperated: bool,
 }
 
 impl Sensed {
@@ -129,7 +134,7 @@ impl Decision {
 
     fn stop(reason: impl Into<String>) -> Decision {
         let (stop_reason, limit_mps) = (reason.into(), f64::INFINITY);
-        Decision { aim: Aim::Stop, wanted_speed_mps: 0.0, stop_reason, limit_mps }
+        Decision { aim: Aim::Stop, wanted_speed_mps: 0.0, stop_reason, limit_mps, teleoperated: false }
     }
 
     /// The same with a limit of the speed, m/s; one of 0 holds the vehicle.
@@ -188,8 +193,14 @@ impl Process for VehicleInterface {
         Self::default()
     }
 
+    /// The ramps are kept, so that a vehicle that drives brakes, and keeps its steering angle meanwhile.
     fn renew(&self, _params: &VehicleInterfaceParams) -> Self {
-        Self { emergency: self.emergency.clone(), ..Self::default() }
+        Self {
+            emergency: self.emergency.clone(),
+            ramps: self.ramps,
+            commanded: self.commanded,
+            ..Self::default()
+        }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &VehicleInterfaceParams, cx: &mut Cycle<'_>) {
@@ -248,6 +259,9 @@ impl VehicleInterface {
     ) -> Wheels {
         if self.last_cycle.is_none() {
             self.remember(ports, cx);
+            // A vehicle that got no commands meanwhile, as after a panic of this process, does not drive any more.
+            let is_recent = |at: Stamp| cx.now().seconds_since(at) <= SENSED_S;
+            self.ramps = if self.commanded.is_some_and(is_recent) { self.ramps } else { Ramps::default() };
         }
         self.sense(ports, cx);
         let limits = Limits {
@@ -268,7 +282,7 @@ impl VehicleInterface {
         }
         let decision = decide(self, cx);
         let dt_s = self.last_cycle.map_or(0.0, |last| cx.now().seconds_since(last).clamp(0.0, 0.1));
-        self.last_cycle = Some(cx.now());
+        (self.last_cycle, self.commanded) = (Some(cx.now()), Some(cx.now()));
         let drive = drive(params);
         match drive.track_m.zip(self.sensed.turn(cx.now())) {
             Some((track_m, (wheels_mps, rate_radps))) => {
@@ -411,7 +425,9 @@ impl VehicleInterface {
         }
         let now = cx.now();
         match self.teleop.last_request(now, params.command_timeout_s) {
-            LastRequest::Drive(request) => return self.obey(request, params, now),
+            LastRequest::Drive(request) => {
+                return Decision { teleoperated: true, ..self.obey(request, params, now) };
+            }
             LastRequest::Refused => return Decision::stop("the operator's last command was refused"),
             LastRequest::Nothing => {}
         }
@@ -443,7 +459,8 @@ impl VehicleInterface {
                 None => return Decision::stop("local position is not known: no heading can be steered for"),
             },
         };
-        Decision { aim, wanted_speed_mps: request.speed_mps, stop_reason, limit_mps: f64::INFINITY }
+        let (wanted_speed_mps, limit_mps) = (request.speed_mps, f64::INFINITY);
+        Decision { aim, wanted_speed_mps, stop_reason, limit_mps, teleoperated: false }
     }
 
     fn send(&self, ports: &Ports, decision: &Decision, wheels: Wheels, limits: &Limits, cx: &mut Cycle<'_>) {
@@ -476,6 +493,7 @@ impl VehicleInterface {
             bumper_right: sensed.bumper_right,
             max_speed_mps: limits.speed_mps.min(decision.limit_mps),
             max_yaw_rate_radps: limits.yaw_rate_radps,
+            teleoperated: decision.teleoperated,
         };
         cx.write(&ports.vehicle, now, status);
         if decision.stop_reason.is_empty() {

@@ -242,8 +242,10 @@ fn the_operator_wins_while_fresh() {
         bench.run(1);
     }
     assert_eq!(bench.wheels(), [-0.3, -0.3]);
+    assert!(bench.vehicle().teleoperated && !bench.vehicle().stopped);
     bench.drive_for(0.5, 80);
     assert_eq!(bench.wheels(), [0.5, 0.5], "the operator has let go");
+    assert!(!bench.vehicle().teleoperated);
 }
 
 #[test]

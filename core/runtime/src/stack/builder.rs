@@ -492,12 +492,12 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// Default mode of a buffer. An order of an operator or a supervisor must not be replaced before it is read. This
-/// follows from the message type, whatever the stack says.
+/// Default mode of a buffer. An order of an operator or a supervisor must not be replaced before it is read; a mission with
+/// zones alone does not replace the goals of the one before. This follows from the message type, whatever the stack says.
 fn mode_of(schema: &Schema) -> Mode {
-    let is_order = [schema_of::<rcs::EmergencyStop>(), schema_of::<rcs::Command>()]
-        .iter()
-        .any(|order| order.name() == schema.name());
+    let orders =
+        [schema_of::<rcs::EmergencyStop>(), schema_of::<rcs::Command>(), schema_of::<rcs::Mission>()];
+    let is_order = orders.iter().any(|order| order.name() == schema.name());
     if is_order { Mode::Queue { depth: ORDERS, overflow: Overflow::Grow } } else { Mode::Latest }
 }
 

@@ -25,36 +25,29 @@ const SEARCH_FROM_M: f64 = 0.8;
 const SEARCH_TO_M: f64 = 10.0;
 
 impl WaypointGenerator {
-    /// Reads the operator's mission, and goes on to its next goal. Whether the vehicle has arrived where it was told to drive.
+    /// Reads the operator's missions, each of which may state goals, zones or both, and goes on to the next goal. Whether the
+    /// vehicle has arrived where it was told to drive.
     pub(super) fn take_mission(
         &mut self,
         ports: &Ports,
         params: &WaypointGeneratorParams,
         cx: &mut Cycle<'_>,
     ) -> bool {
-        let message = cx.latest(&ports.mission);
-        if let Some(message) = message.filter(|message| message.header().sequence != self.taken) {
-            let global_from_message = match message.frame_id.as_str() {
-                frame if frame == params.global_frame => Some(Pose::IDENTITY),
-                frame if frame == params.local_frame => self.global_from_local.map(|(pose, _)| pose),
+        // Until the local frame is known, the messages wait.
+        while let Some((global_from_local, _)) = self.global_from_local
+            && let Some(message) = cx.read(&ports.mission)
+        {
+            let mission = match message.frame_id.as_str() {
+                frame if frame == params.global_frame => Mission::of(&message, &Pose::IDENTITY),
+                frame if frame == params.local_frame => Mission::of(&message, &global_from_local),
                 frame => {
-                    self.taken = message.header().sequence;
                     let expected = (&params.global_frame, &params.local_frame);
-                    cx.fault(format!("mission: frame is {frame:?}, expected one of {expected:?}; not taken"));
-                    None
+                    Err(format!("frame is {frame:?}, expected one of {expected:?}"))
                 }
             };
-            // Until the local frame is known, the message waits.
-            if let Some(global_from_message) = global_from_message {
-                self.taken = message.header().sequence;
-                match Mission::of(&message, &global_from_message) {
-                    Ok(mission) => {
-                        self.mission.take(mission);
-                        self.told = None;
-                        self.search = None;
-                    }
-                    Err(why) => cx.fault(format!("mission: {why}; not taken")),
-                }
+            match mission {
+                Ok(mission) => self.obey_mission(mission),
+                Err(why) => cx.fault(format!("mission: {why}; not taken")),
             }
         }
         // A planner that the operator has halted is done, too.
@@ -66,6 +59,17 @@ impl WaypointGenerator {
             self.send_driven(ports, params, cx);
         }
         arrived
+    }
+
+    /// The planners are told the mission in this cycle. Another goal ends a hold after a jump of the local frame; zones alone
+    /// do not.
+    fn obey_mission(&mut self, mission: Mission) {
+        if mission.goals.is_some() {
+            self.told = None;
+        }
+        self.is_to_tell = true;
+        self.search = None;
+        self.mission.take(mission);
     }
 
     /// Searches for the goal of the file, believed to be here (global frame, m), from the first arrival there on, given
@@ -86,17 +90,21 @@ impl WaypointGenerator {
             self.search = None;
             return goal;
         };
-        let scene =
-            Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m, zones: &self.zones };
+        let begins = arrived || at.distance(goal) < SEARCH_FROM_M;
+        if self.search.is_none() && !begins {
+            return goal;
+        }
+        // Those that are obeyed from this cycle on. Where they cannot be read, the planners are told nothing.
+        let Ok(zones) = self.zones_to_obey(params) else { return goal };
+        let scene = Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m, zones: &zones };
         let has_changed = if let Some(search) = &mut self.search {
             if !may_drive {
                 search.wait(now);
             }
             search.go_on(&scene, arrived, now)
         } else {
-            let begins = arrived || at.distance(goal) < SEARCH_FROM_M;
-            self.search = begins.then(|| GoalSearch::begin(&scene, now));
-            begins
+            self.search = Some(GoalSearch::begin(&scene, now));
+            true
         };
         if has_changed {
             self.is_to_tell = true;
@@ -111,11 +119,17 @@ impl WaypointGenerator {
         cx.write(&ports.driven, now, mission.to_message(now, &params.global_frame));
     }
 
-    /// The zones of the files and of the operator, global frame, m, unless the goal (global frame, m) lies in one.
-    pub(super) fn allowed(&mut self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
+    /// The zones of the files and of the operator, global frame, m.
+    fn zones_to_obey(&mut self, params: &WaypointGeneratorParams) -> Result<Zones, String> {
         let mut zones = self.given.zones(params)?;
         zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
         zones.area = self.mission.zones.area.clone().or(zones.area);
+        Ok(zones)
+    }
+
+    /// The zones of the files and of the operator, global frame, m, unless the goal (global frame, m) lies in one.
+    pub(super) fn allowed(&mut self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
+        let zones = self.zones_to_obey(params)?;
         if zones.forbid(goal) {
             let by_m = zones.trespass_m(goal);
             return Err(format!(

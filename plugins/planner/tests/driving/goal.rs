@@ -2,9 +2,9 @@
 
 use super::{FILES, cycle, drive, free, global_at, path, polygon, start, status, story, transform};
 use rcs_geom::{DVec2, Pose};
-use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, PosesInFrame, Quaternion, Vector3};
 use rcs_msg::rcs::{Mission, ProcessState};
+use rcs_msg::{Stamp, rcs};
 use rcs_sense::pose_message;
 use rcs_testkit::bench::Bench;
 
@@ -41,6 +41,51 @@ fn it_looks_for_a_goal_that_may_lie_elsewhere_and_then_stands_there() {
     assert_eq!(drive(&bench), (0.0, 0.0));
     let (state, text) = status(&bench, "generator");
     assert!(state == ProcessState::Done && text.starts_with("at the goal"), "{text}");
+}
+
+#[test]
+fn while_the_vehicle_is_held_or_driven_by_hand_the_search_gives_up_no_place() {
+    let held = |stop_reason: &str| rcs::VehicleStatus {
+        stopped: true,
+        stop_reason: stop_reason.to_owned(),
+        ..rcs::VehicleStatus::default()
+    };
+    for status_of_vehicle in [
+        rcs::VehicleStatus { emergency_stopped: true, ..held("emergency stop: a person") },
+        held("imu silent for 1.0 s, expected at most 0.5 s"),
+        held("the speed limit is 0 m/s"),
+        rcs::VehicleStatus { teleoperated: true, ..rcs::VehicleStatus::default() },
+    ] {
+        let mut bench = start(&[FILES[0], FILES[1], ("generator.found_within_m", "1.2")]);
+        cycle(&mut bench, 0.0, 0.0, free, 12);
+        bench.write("/operator/global", global_at(11.8));
+        cycle(&mut bench, 9.8, 0.0, free, 6);
+        bench.write("/operator/vehicle", status_of_vehicle.clone());
+        cycle(&mut bench, 9.8, 0.0, free, 8 * 20 + 12);
+        let (_, text) = status(&bench, "generator");
+        assert!(text.contains("looks for it: place 1"), "{status_of_vehicle:?}: {text}");
+        bench.write("/operator/vehicle", rcs::VehicleStatus::default());
+        cycle(&mut bench, 9.8, 0.0, free, 8 * 20 + 2);
+        let (_, text) = status(&bench, "generator");
+        assert!(text.contains("looks for it: place 2"), "{status_of_vehicle:?}: {text}");
+    }
+}
+
+#[test]
+fn a_zone_where_the_search_drives_to_sends_it_elsewhere() {
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.found_within_m", "1.2")]);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    bench.write("/operator/global", global_at(11.8));
+    cycle(&mut bench, 9.8, 0.0, free, 6);
+    assert!(drive(&bench).0 > 0.1, "the first place lies ahead: {}", story(&bench));
+    let zone = polygon(&[(10.4, -9.0), (19.0, -9.0), (19.0, 9.0), (10.4, 9.0)]);
+    let (frame_id, keep_out) = ("local".to_owned(), vec![zone]);
+    let mission = Mission { frame_id, keep_out, keeps_goals: true, ..Mission::default() };
+    bench.write("/operator/mission", mission);
+    cycle(&mut bench, 9.8, 0.0, free, 12);
+    let (_, text) = status(&bench, "generator");
+    assert!(text.contains("looks for it"), "{text}; {}", story(&bench));
+    assert_eq!(bench.latest::<Mission>("/generator/driven").keep_out.len(), 1, "{}", story(&bench));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod goal;
+mod missions;
 mod modes;
 mod slips;
 mod stands;
@@ -29,7 +30,7 @@ name = "driver"
 name = "generator"
 plugin = "waypoint_generator"
 supervisor = "viewer"
-inputs = { path = "/planner/path", far_path = "/operator/far_path", transforms = "/operator/transforms", global = "/operator/global", registration = "/operator/registration", way_slip = "/operator/way_slip", modes = "/follower/modes", plan = "/planner/plan", mission = "/operator/mission" }
+inputs = { path = "/planner/path", far_path = "/operator/far_path", transforms = "/operator/transforms", global = "/operator/global", registration = "/operator/registration", way_slip = "/operator/way_slip", modes = "/follower/modes", plan = "/planner/plan", vehicle = "/operator/vehicle", mission = "/operator/mission" }
 
 [[process]]
 name = "planner"
@@ -505,28 +506,6 @@ fn polygon(corners: &[(f64, f64)]) -> PlanePolygon {
 fn path(bench: &Bench) -> Vec<DVec2> {
     let path: PosesInFrame = bench.latest("/planner/path");
     path.poses.iter().filter_map(|pose| pose.position).map(|at| DVec2::new(at.x, at.y)).collect()
-}
-
-#[test]
-fn the_goals_of_a_mission_are_driven_to_one_after_the_other() {
-    let mut bench = start(&FILES[..2]);
-    let mission = |goals| Mission { frame_id: "local".to_owned(), goals, ..Mission::default() };
-    bench.write("/operator/mission", mission(vec![point(4.0, 0.0), point(8.0, 4.0)]));
-    cycle(&mut bench, 0.0, 0.0, free, 12);
-    let obeyed = |bench: &Bench| bench.latest::<Mission>("/generator/driven");
-    assert!(path(&bench).last().unwrap().distance(DVec2::new(4.0, 0.0)) < 0.2, "{}", story(&bench));
-    assert_eq!((obeyed(&bench).reached, obeyed(&bench).goals[0].x_m), (0, 6.0), "in the global frame");
-    cycle(&mut bench, 3.9, 0.0, free, 20);
-    assert!(path(&bench).last().unwrap().distance(DVec2::new(8.0, 4.0)) < 0.2, "{}", story(&bench));
-    assert_eq!(obeyed(&bench).reached, 1);
-    bench.write("/operator/mission", mission(Vec::new()));
-    cycle(&mut bench, 3.9, 0.0, free, 6);
-    assert_eq!((drive(&bench), path(&bench).len()), ((0.0, 0.0), 0));
-    assert_eq!(status(&bench, "generator").1, "the mission has no goals: stands");
-    bench.write("/operator/mission", Mission { frame_id: "elsewhere".to_owned(), ..Mission::default() });
-    cycle(&mut bench, 3.9, 0.0, free, 2);
-    let faults: rcs::Status = bench.latest("/generator/status");
-    assert!(faults.last_fault.contains("mission: frame is \"elsewhere\""), "{faults:?}");
 }
 
 #[test]

@@ -308,6 +308,22 @@ fn while_the_vehicle_is_held_it_is_not_stuck_and_an_emergency_stop_ends_a_mode()
 }
 
 #[test]
+fn while_the_operator_drives_by_hand_it_is_not_stuck_and_goes_on_afterwards() {
+    let mut bench = start(&FILES);
+    let teleoperate = |bench: &mut Bench, teleoperated: bool| {
+        bench.write("/operator/vehicle", rcs::VehicleStatus { teleoperated, ..Default::default() });
+    };
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    teleoperate(&mut bench, true);
+    cycle(&mut bench, 0.0, 0.0, free, 200);
+    assert_eq!(bench.sent("/follower/modes"), 0, "{}", story(&bench));
+    teleoperate(&mut bench, false);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert_eq!(bench.sent("/follower/modes"), 0, "{}", story(&bench));
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
 fn after_halt_and_run_of_the_follower_alone_it_still_knows_the_goal() {
     let mut bench = start(&FILES);
     cycle(&mut bench, 0.0, 0.0, free, 12);

@@ -128,6 +128,22 @@ fn a_jump_of_the_goal_is_not_forgotten_with_a_refused_mission_or_a_barred_place(
 }
 
 #[test]
+fn a_jump_of_the_goal_is_not_forgotten_with_an_accepted_zone() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    place_local_frame(&mut bench, -18.0);
+    cycle(&mut bench, 0.0, 0.0, free, 4);
+    bench.write("/operator/mission", with_zone(&[(-9.0, -1.0), (-7.0, -1.0), (-7.0, 1.0), (-9.0, 1.0)]));
+    cycle(&mut bench, 0.0, 0.0, free, 4);
+    assert_stands(&mut bench, free, "the goal has jumped by 20.0 m");
+    assert_eq!(bench.faults("generator").0, 0);
+    place_local_frame(&mut bench, 2.0);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    assert_eq!(bench.latest::<Mission>("/generator/driven").keep_out.len(), 1);
+}
+
+#[test]
 fn another_goal_or_zone_of_the_parameters_takes_effect_at_once() {
     let mut bench = start(&FILES);
     let give = |bench: &mut Bench, goal: &str| {

@@ -1,0 +1,70 @@
+//! The goals of the operator's missions, and what does not make them forgotten.
+
+use super::{FILES, cycle, drive, free, path, place_local_frame, point, polygon, start, status, story};
+use rcs_geom::DVec2;
+use rcs_msg::rcs;
+use rcs_msg::rcs::Mission;
+use rcs_testkit::bench::Bench;
+
+#[test]
+fn the_goals_of_a_mission_are_driven_to_one_after_the_other() {
+    let mut bench = start(&FILES[..2]);
+    let mission = |goals| Mission { frame_id: "local".to_owned(), goals, ..Mission::default() };
+    bench.write("/operator/mission", mission(vec![point(4.0, 0.0), point(8.0, 4.0)]));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let obeyed = |bench: &Bench| bench.latest::<Mission>("/generator/driven");
+    assert!(path(&bench).last().unwrap().distance(DVec2::new(4.0, 0.0)) < 0.2, "{}", story(&bench));
+    assert_eq!((obeyed(&bench).reached, obeyed(&bench).goals[0].x_m), (0, 6.0), "in the global frame");
+    cycle(&mut bench, 3.9, 0.0, free, 20);
+    assert!(path(&bench).last().unwrap().distance(DVec2::new(8.0, 4.0)) < 0.2, "{}", story(&bench));
+    assert_eq!(obeyed(&bench).reached, 1);
+    bench.write("/operator/mission", mission(Vec::new()));
+    cycle(&mut bench, 3.9, 0.0, free, 6);
+    assert_eq!((drive(&bench), path(&bench).len()), ((0.0, 0.0), 0));
+    assert_eq!(status(&bench, "generator").1, "the mission has no goals: stands");
+    bench.write("/operator/mission", Mission { frame_id: "elsewhere".to_owned(), ..Mission::default() });
+    cycle(&mut bench, 3.9, 0.0, free, 2);
+    let faults: rcs::Status = bench.latest("/generator/status");
+    assert!(faults.last_fault.contains("mission: frame is \"elsewhere\""), "{faults:?}");
+}
+
+#[test]
+fn goals_are_not_lost_behind_zones_that_come_with_them() {
+    let mut bench = start(&FILES[..2]);
+    let goals = vec![point(8.0, 4.0)];
+    let frame_id = "local".to_owned();
+    bench.write("/operator/mission", Mission { frame_id, goals, ..Mission::default() });
+    // Before the next cycle, as while the time of the run stands.
+    bench.write("/operator/mission", zone_behind());
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(path(&bench).last().unwrap().distance(DVec2::new(8.0, 4.0)) < 0.2, "{}", story(&bench));
+    assert_eq!(bench.latest::<Mission>("/generator/driven").keep_out.len(), 1);
+}
+
+#[test]
+fn the_goals_of_a_mission_and_those_that_are_reached_outlive_init() {
+    let mut bench = start(&FILES[..2]);
+    let goals = vec![point(4.0, 0.0), point(8.0, 4.0)];
+    let frame_id = "local".to_owned();
+    bench.write("/operator/mission", Mission { frame_id, goals, ..Mission::default() });
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    cycle(&mut bench, 3.9, 0.0, free, 20);
+    bench.write("/operator/mission", zone_behind());
+    cycle(&mut bench, 3.9, 0.0, free, 4);
+    for (serial, name) in [(100, "INIT"), (101, "RUN")] {
+        let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
+        bench.write("/generator/command", command);
+        cycle(&mut bench, 3.9, 0.0, free, 4);
+    }
+    place_local_frame(&mut bench, 2.0);
+    cycle(&mut bench, 3.9, 0.0, free, 12);
+    assert!(path(&bench).last().unwrap().distance(DVec2::new(8.0, 4.0)) < 0.2, "{}", story(&bench));
+    let obeyed: Mission = bench.latest("/generator/driven");
+    assert_eq!((obeyed.reached, obeyed.goals.len(), obeyed.keep_out.len()), (1, 2, 1));
+}
+
+/// A mission with a zone alone, behind the vehicle.
+fn zone_behind() -> Mission {
+    let keep_out = vec![polygon(&[(-9.0, -1.0), (-7.0, -1.0), (-7.0, 1.0), (-9.0, 1.0)])];
+    Mission { frame_id: "local".to_owned(), keep_out, keeps_goals: true, ..Mission::default() }
+}
