@@ -119,6 +119,7 @@ rcs_msg::messages!(
 
 pub mod arcs;
 pub mod barred;
+mod borders;
 mod children;
 pub mod clearance;
 pub mod costs;

@@ -74,8 +74,9 @@ pub(crate) fn speeds(chosen: &Scored, style: &Style) -> [f64; 2] {
             let bends = turn / curvature_per_m.abs().max(1e-6);
             let dear = ((chosen.mean_cost - style.clear_cost) / (1.0 - style.clear_cost)).max(0.0);
             let slowed = limit_mps * (1.0 - style.cost_slowdown * dear);
-            let speed_mps = side * slowed.min(stops).min(bends).max(least.min(bends));
-            [speed_mps, curvature_per_m * speed_mps]
+            let speed_mps = side * slowed.min(stops).min(bends).max(least.min(bends).min(limit_mps));
+            // The product can exceed the limit by a rounding step, and the vehicle refuses such a command.
+            [speed_mps, (curvature_per_m * speed_mps).clamp(-turn, turn)]
         }
     }
 }
@@ -83,25 +84,38 @@ pub(crate) fn speeds(chosen: &Scored, style: &Style) -> [f64; 2] {
 /// Distance that the action REVERSE drives straight back on the vehicle's own track where no arc is free, m.
 pub(crate) const OWN_TRACK_M: f64 = 0.6;
 
-/// The action REVERSE: on the straight arc backward, or a bent one if that is not free; it turns to a side that
-/// alternates with the number of the mode. If none is free, straight back as slowly as it touches things, where the vehicle's
-/// own track is free; else it stands.
+/// The action REVERSE: on the straight arc backward, or a bent one if that is not free. On the straight one it turns to a side
+/// that alternates with the number of the mode, no more than a bent arc to that side that is free, too. If no arc is free,
+/// straight back as slowly as it touches things, where the vehicle's own track is free; else it stands.
 pub(crate) fn reversed(
     scored: &[Scored],
     style: &Style,
     number: u32,
     is_own_track_free: impl FnOnce() -> bool,
 ) -> (Option<usize>, [f64; 2]) {
-    let back = scored.iter().position(|scored| scored.arc.motion == Motion::Backward && scored.open);
-    let Some(at) = back else {
+    let is_free_back = |scored: &Scored| scored.arc.motion == Motion::Backward && scored.open;
+    let Some(at) = scored.iter().position(is_free_back) else {
         let speed_mps = if is_own_track_free() { -style.max_speed_mps.min(TOUCH_MPS) } else { 0.0 };
         return (None, [speed_mps, 0.0]);
     };
     let side = if number.is_multiple_of(2) { 1.0 } else { -1.0 };
-    let speed_mps = -style.backward_speed_mps.min(style.stops_mps(scored[at].free_m));
+    let back_mps = |free_m: f64| -style.backward_speed_mps.min(style.stops_mps(free_m));
+    let speed_mps = back_mps(scored[at].free_m);
     let bend = scored[at].arc.curvature_per_m;
-    let yaw_rate = if bend == 0.0 { side * style.mode_yaw_rate_radps } else { bend * speed_mps };
-    (Some(at), [speed_mps, yaw_rate])
+    if bend != 0.0 {
+        return (Some(at), [speed_mps, bend * speed_mps]);
+    }
+    // A turn leads the tail aside, between the straight arc and a bent one: both have to be free.
+    let wanted_radps = side * style.mode_yaw_rate_radps;
+    let turn_radps = |scored: &Scored| scored.arc.curvature_per_m * speed_mps;
+    let off = |at: usize| (turn_radps(&scored[at]) - wanted_radps).abs();
+    let bent = (0..scored.len())
+        .filter(|&at| is_free_back(&scored[at]) && turn_radps(&scored[at]) * wanted_radps > 0.0)
+        .min_by(|&a, &b| off(a).total_cmp(&off(b)));
+    let Some(bent) = bent else { return (Some(at), [speed_mps, 0.0]) };
+    let speed_mps = back_mps(scored[at].free_m.min(scored[bent].free_m));
+    let most_radps = (scored[bent].arc.curvature_per_m * speed_mps).abs();
+    (Some(bent), [speed_mps, wanted_radps.clamp(-most_radps, most_radps)])
 }
 
 /// Duration of driving backward at the beginning of the action SHAKE, s: on a slope the vehicle slides down to where its
@@ -312,6 +326,64 @@ mod tests {
         };
         assert_eq!(speed_mps(1.0), -0.5);
         assert!((speed_mps(0.4) + libm::sqrt(0.1)).abs() < 1e-9, "{}", speed_mps(0.4));
+    }
+
+    #[test]
+    fn the_action_reverse_turns_only_where_an_arc_to_that_side_is_free() {
+        let params = WaypointFollowerParams {
+            max_speed_mps: 1.1,
+            backward_speed_mps: 0.3,
+            braking_mps2: 0.5,
+            stop_margin_m: 0.3,
+            ..WaypointFollowerParams::default()
+        };
+        let style =
+            |yaw_rate_radps| Style { mode_yaw_rate_radps: yaw_rate_radps, ..Style::new(&params, None) };
+        // Free lengths straight back, and in bends of positive and of negative curvature.
+        let order = |[straight_m, positive_m, negative_m]: [f64; 3], yaw_rate_radps: f64, number: u32| {
+            let arc = |curvature_per_m, free_m: f64| {
+                let arc = Arc { motion: Motion::Backward, curvature_per_m };
+                Scored { arc, free_m, mean_cost: 0.0, terms: [0.0; 6], open: free_m >= 0.6 }
+            };
+            let arcs = [arc(0.0, straight_m), arc(1.0, positive_m), arc(-1.0, negative_m)];
+            reversed(&arcs, &style(yaw_rate_radps), number, || false)
+        };
+        // Back with a turn to the left is on an arc of negative curvature.
+        assert_eq!(order([1.0, 1.0, 1.0], 0.2, 0), (Some(2), [-0.3, 0.2]));
+        assert_eq!(order([1.0, 1.0, 1.0], 0.2, 1), (Some(1), [-0.3, -0.2]));
+        assert_eq!(order([1.0, 1.0, 0.5], 0.2, 0), (Some(0), [-0.3, 0.0]), "something is beside its tail");
+        assert_eq!(order([1.0, 0.5, 1.0], 0.2, 1), (Some(0), [-0.3, 0.0]));
+        assert_eq!(order([1.0, 0.5, 1.0], 0.2, 0), (Some(2), [-0.3, 0.2]));
+        assert_eq!(order([1.0, 1.0, 1.0], 0.4, 0), (Some(2), [-0.3, 0.3]), "no more than the arc");
+        assert_eq!(order([1.0, 1.0, 1.0], 0.0, 0), (Some(0), [-0.3, 0.0]));
+        assert_eq!(order([0.5, 1.0, 0.5], 0.2, 0), (Some(1), [-0.3, -0.3]), "only a bend is free");
+    }
+
+    #[test]
+    fn a_turn_rate_is_never_beyond_its_limit_not_even_by_rounding() {
+        for hundredths in 82..300 {
+            for motion in [Motion::Forward, Motion::Backward] {
+                let [_, yaw_rate] = speeds_of(motion, f64::from(hundredths) * 0.01, 3.0);
+                assert!(yaw_rate.abs() <= 0.9, "{motion:?}: {yaw_rate}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mode_that_does_not_stop_drives_back_no_faster_than_the_vehicle_may() {
+        let params = WaypointFollowerParams {
+            max_speed_mps: 1.1,
+            backward_speed_mps: 0.5,
+            max_yaw_rate_radps: 0.9,
+            braking_mps2: 0.5,
+            ..WaypointFollowerParams::default()
+        };
+        let style = Style { min_speed_mps: 0.6, ..Style::new(&params, None) };
+        let speed_mps = |motion| {
+            let arc = Arc { motion, curvature_per_m: 0.0 };
+            speeds(&Scored { arc, free_m: 0.1, mean_cost: 0.0, terms: [0.0; 6], open: true }, &style)[0]
+        };
+        assert_eq!([speed_mps(Motion::Forward), speed_mps(Motion::Backward)], [0.6, -0.5]);
     }
 
     #[test]

@@ -156,17 +156,24 @@ impl Planner {
         let towards = (goal - position).clamp_length_max(FARTHEST_SIDES * side_m);
         let mut end = sensed.place(position + towards).ok_or(NoPlan::TooFar(goal))?;
         let mut short_of_goal_m = 0.0;
-        if costs.get(end) == Some(BLOCKED) {
+        let is_blocked = costs.get(end) == Some(BLOCKED);
+        if is_blocked {
             let free = Terrain::nearest_free(sensed, &costs, goal, approach_m, |_| true);
             end = free.ok_or(NoPlan::GoalBlocked { goal, within_m: approach_m })?;
             short_of_goal_m = sensed.centre(end).distance(goal);
         }
         let found = self.search.path(&costs, start, end, rules.unknown, &mut self.path);
         let is_closed = found == Err(NoPath::NotConnected);
-        if is_closed && !task.is_passed && is_inside_obstacle(&costs, end, task) {
+        if is_closed && !task.is_passed && (is_blocked || is_inside_obstacle(&costs, end, task)) {
             let is_reached = |place: Place| self.search.has_reached(place);
             let free = Terrain::nearest_free(sensed, &costs, goal, approach_m, is_reached);
-            end = free.ok_or(NoPlan::GoalBlocked { goal, within_m: approach_m })?;
+            end = free.ok_or_else(|| {
+                if is_inside_obstacle(&costs, end, task) {
+                    NoPlan::GoalBlocked { goal, within_m: approach_m }
+                } else {
+                    NoPlan::NoPath(NoPath::NotConnected)
+                }
+            })?;
             short_of_goal_m = sensed.centre(end).distance(goal);
             self.search.path(&costs, start, end, rules.unknown, &mut self.path).map_err(NoPlan::NoPath)?;
         } else {
@@ -380,33 +387,43 @@ mod tests {
         assert!(error.to_string().contains("inside of an obstacle"), "{error}");
     }
 
+    /// A ring of obstacles, 1.5 to 2 m around (6, 0) m, with cells of this fused cost inside.
+    fn ring(inside: u8) -> Sensed {
+        let mut sensed = with_wall(20.0, 20.0);
+        for at in 0..sensed.fused.len() {
+            let centre = sensed.centre(Place::new((at % 101) as i32, (at / 101) as i32));
+            let away_m = centre.distance(DVec2::new(6.0, 0.0));
+            sensed.fused[at] = if away_m < 1.5 { inside } else { 0 };
+            sensed.fused[at] = if (1.5..2.0).contains(&away_m) { 250 } else { sensed.fused[at] };
+        }
+        sensed
+    }
+
+    /// A plan from the origin to a goal, or to a cell within a distance of it, m.
+    fn plan_near(sensed: &Sensed, goal: DVec2, approach_m: f64, is_passed: bool) -> Result<Plan, NoPlan> {
+        let vehicle = Pose::from_xy_yaw(0.05, 0.05, 0.0);
+        let past = Past::default();
+        let task = Task { sensed, vehicle: &vehicle, goal, approach_m, is_passed, past, alternative_m: 1.5 };
+        Planner::default().plan(&task, &rules())
+    }
+
+    #[test]
+    fn a_goal_in_the_hedge_around_a_clearing_is_planned_to_from_outside_where_that_can_be_reached() {
+        let closed = Err(NoPlan::NoPath(NoPath::NotConnected));
+        // 1.6 m from the middle: free cells inside of the ring are nearer than those outside of it.
+        let goal = DVec2::new(4.4, 0.0);
+        let plan = |approach_m: f64, is_passed: bool| plan_near(&ring(0), goal, approach_m, is_passed);
+        let beside = plan(4.0, false).unwrap();
+        assert!((0.7..1.5).contains(&beside.short_of_goal_m), "{}", beside.short_of_goal_m);
+        let end = beside.chosen.steps.last().unwrap().at;
+        assert!(end.distance(DVec2::new(6.0, 0.0)) > 2.0, "{end}");
+        assert_eq!(plan(0.75, false), closed, "free cells near to the goal, but none that can be reached");
+        assert_eq!(plan(4.0, true), closed, "a point of a path that leads through the hedge");
+    }
+
     #[test]
     fn a_goal_inside_of_an_obstacle_that_is_seen_from_outside_is_told_and_one_in_a_clearing_has_no_way() {
-        let ring = |inside: u8| {
-            let mut sensed = with_wall(20.0, 20.0);
-            for at in 0..sensed.fused.len() {
-                let centre = sensed.centre(Place::new((at % 101) as i32, (at / 101) as i32));
-                let away_m = centre.distance(DVec2::new(6.0, 0.0));
-                sensed.fused[at] = if away_m < 1.5 { inside } else { 0 };
-                sensed.fused[at] = if (1.5..2.0).contains(&away_m) { 250 } else { sensed.fused[at] };
-            }
-            sensed
-        };
-        let plan = |sensed: &Sensed, is_passed: bool| {
-            let vehicle = Pose::from_xy_yaw(0.05, 0.05, 0.0);
-            let goal = DVec2::new(6.0, 0.0);
-            let past = Past::default();
-            let task = Task {
-                sensed,
-                vehicle: &vehicle,
-                goal,
-                approach_m: 4.0,
-                is_passed,
-                past,
-                alternative_m: 1.5,
-            };
-            Planner::default().plan(&task, &rules())
-        };
+        let plan = |sensed: &Sensed, is_passed: bool| plan_near(sensed, DVec2::new(6.0, 0.0), 4.0, is_passed);
         let closed = Err(NoPlan::NoPath(NoPath::NotConnected));
         let unknown = ring(255);
         let beside = plan(&unknown, false).unwrap();

@@ -19,9 +19,11 @@
 //! In a place that is barred, terrain and clearance are dearer by a factor.
 //!
 //! A cell is blocked if the table blocks it, or if the vehicle standing there would touch such a cell. What the bumper
-//! hit is blocked without relief. The papers name no values; here they are parameters.
+//! hit, and where the vehicle must not drive, is blocked without relief. The papers name no values; here they are
+//! parameters.
 
 use crate::barred::Barred;
+use crate::borders::keep_side;
 use crate::clearance::{Clearance, MAX_BOUND};
 use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
 use crate::ground::Ground;
@@ -283,13 +285,14 @@ impl Terrain {
 
     /// Marks the cells in which the vehicle must not drive, and those that the border of a zone crosses: a
     /// zone may be thinner than a cell. A vehicle that has come into one can leave it to the nearest cell
-    /// that is allowed, and turn beside it.
+    /// that is allowed; one that stands beside it cannot enter it, but keeps no distance there, so that it can turn.
     fn forbid(&mut self, sensed: &Sensed, vehicle: &Pose, past: &Past<'_>, rules: &Rules) {
         self.forbidden.clear();
         let Some(zones) = past.zones.filter(|zones| !zones.is_empty()) else { return };
         let position = vehicle.translation.truncate();
         // How far it is to where the vehicle would be allowed; the nearest border may lead into another zone.
-        let mut trespass_m = if zones.forbid(position) { f64::INFINITY } else { 0.0 };
+        let mut trespasses = zones.forbid(position);
+        let mut trespass_m = if trespasses { f64::INFINITY } else { 0.0 };
         let columns = sensed.columns.max(1);
         let rows = sensed.fused.len() / columns;
         for row in 0..rows {
@@ -297,7 +300,7 @@ impl Terrain {
             let is_forbidden = zones.forbid_along(centre(0).y);
             for at in (0..columns).map(centre) {
                 let is_forbidden = is_forbidden(at.x);
-                if !is_forbidden && trespass_m > 0.0 {
+                if !is_forbidden && trespasses {
                     trespass_m = trespass_m.min(at.distance(position));
                 }
                 self.forbidden.push(is_forbidden);
@@ -313,13 +316,22 @@ impl Terrain {
                 self.forbidden[sensed.index(place)] = true;
             }
         });
-        let free_m = trespass_m + rules.least_room_m + sensed.cell_size_m;
-        for (index, is_forbidden) in self.forbidden.iter_mut().enumerate().filter(|(_, is)| **is) {
+        let distance_m = |index: usize| {
             let place = Place::new((index % columns) as i32, (index / columns) as i32);
-            *is_forbidden = sensed.centre(place).distance(position) > free_m;
+            sensed.centre(place).distance(position)
+        };
+        if !trespasses && !keep_side(&mut self.forbidden, sensed, zones, position) {
+            // In a corner all cells beside that of the vehicle can be forbidden: it leaves as from the inside of a zone.
+            trespasses = true;
+            let allowed = self.forbidden.iter().enumerate().filter(|(_, is)| !**is);
+            trespass_m = allowed.map(|(index, _)| distance_m(index)).fold(f64::INFINITY, f64::min);
         }
-        for (obstacle, _) in self.is_obstacle.iter_mut().zip(&self.forbidden).filter(|(_, is)| **is) {
-            *obstacle = true;
+        let near_m = trespass_m + rules.least_room_m + sensed.cell_size_m;
+        let cells = self.forbidden.iter_mut().zip(&mut self.is_obstacle).enumerate();
+        for (index, (is_forbidden, is_obstacle)) in cells.filter(|(_, (is, _))| **is) {
+            let is_near = distance_m(index) <= near_m;
+            *is_obstacle |= !is_near;
+            *is_forbidden = !(is_near && trespasses);
         }
     }
 
@@ -376,9 +388,14 @@ impl Terrain {
         }
     }
 
+    /// Whether the vehicle must not drive in a cell, whatever is in it.
+    fn is_forbidden(&self, at: usize) -> bool {
+        self.forbidden.get(at).is_some_and(|&forbidden| forbidden)
+    }
+
     /// The terrain term of a cell with this fused cost; `None` if it is blocked.
     fn terrain_of(&self, at: usize, fused: u8, rules: &Rules) -> Option<f32> {
-        if self.forbidden.get(at).is_some_and(|&forbidden| forbidden) {
+        if self.is_forbidden(at) {
             return None;
         }
         let unsure =
@@ -438,7 +455,9 @@ impl Terrain {
         let clearance = self.room_of(index, self.squared[index]);
         let (terrain, clearance) = match (terrain, clearance) {
             (Some(terrain), Some(clearance)) => (terrain, clearance),
-            (None, _) if bumped || !relieved => return Err(Obstruction::Obstacle),
+            (None, _) if bumped || !relieved || self.is_forbidden(index) => {
+                return Err(Obstruction::Obstacle);
+            }
             (Some(_), None) if !relieved => return Err(Obstruction::TooNarrow),
             _ => {
                 let full = f32::from(MAX_COST);

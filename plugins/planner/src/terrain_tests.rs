@@ -1,6 +1,7 @@
 //! Small maps.
 
 use super::*;
+use crate::search::{Path, Search};
 use crate::zones::Polygon;
 
 fn rules() -> Rules {
@@ -328,13 +329,15 @@ fn costs_with_barred(sensed: &Sensed, barred: &[Barred]) -> CostGrid {
     Terrain::default().costs(sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &past, &rules()).unwrap()
 }
 
+/// A rectangle from its lowest to its highest corner, m.
+fn rectangle([low, high]: [(f64, f64); 2]) -> Polygon {
+    let corners = [low, (high.0, low.1), high, (low.0, high.1)];
+    Polygon::new(corners.map(DVec2::from)).unwrap()
+}
+
 /// The costs where these rectangles must not be entered, from their lowest to their highest corners, m.
 fn costs_with_zones(vehicle: &Pose, zones: &[[(f64, f64); 2]]) -> CostGrid {
-    let zone = |[low, high]: &[(f64, f64); 2]| {
-        let corners = [*low, (high.0, low.1), *high, (low.0, high.1)];
-        Polygon::new(corners.map(DVec2::from)).unwrap()
-    };
-    let zones = Zones { area: None, keep_out: zones.iter().map(zone).collect() };
+    let zones = Zones { area: None, keep_out: zones.iter().copied().map(rectangle).collect() };
     let past = Past { zones: Some(&zones), ..Past::default() };
     Terrain::default().costs(&sensed(0), vehicle, &past, &rules()).unwrap()
 }
@@ -360,4 +363,76 @@ fn a_zone_that_is_thinner_than_a_cell_is_not_entered() {
         assert_eq!(costs.get(at(x_m, 1.0)), Some(BLOCKED), "{x_m} m");
     }
     assert_ne!(costs.get(at(0.0, 2.0)), Some(BLOCKED));
+}
+
+/// Whether a way leads from a vehicle to a place past zones, m, with relief up to a distance from the vehicle, m.
+fn leads(from: DVec2, to: DVec2, zones: &Zones, relief_range_m: f64) -> bool {
+    let rules = Rules { relief_range_m, ..rules() };
+    let past = Past { zones: Some(zones), ..Past::default() };
+    let vehicle = Pose::from_xy_yaw(from.x, from.y, 0.0);
+    let costs = Terrain::default().costs(&sensed(0), &vehicle, &past, &rules).unwrap();
+    let (start, end) = (at(from.x, from.y), at(to.x, to.y));
+    Search::default().path(&costs, start, end, 20, &mut Path::default()).is_ok()
+}
+
+#[test]
+fn a_vehicle_close_to_a_thin_zone_can_leave_it_on_its_side_and_does_not_cross_it() {
+    let zones = Zones { area: None, keep_out: vec![rectangle([(-9.0, 1.02), (9.0, 1.08)])] };
+    let (south, north) = (DVec2::new(2.0, -2.0), DVec2::new(2.0, 3.0));
+    for relief_range_m in [0.0, 0.8, 1.2] {
+        let both =
+            |y_m: f64| [south, north].map(|to| leads(DVec2::new(0.0, y_m), to, &zones, relief_range_m));
+        // From 0.9 to 1.1 m, the vehicle stands in a cell that the borders cross.
+        for y_m in [0.3, 0.5, 0.7, 0.85, 0.95, 1.01] {
+            assert_eq!(both(y_m), [true, false], "{y_m} m, relief up to {relief_range_m} m");
+        }
+        for y_m in [1.09, 1.15, 1.25, 1.5, 1.9] {
+            assert_eq!(both(y_m), [false, true], "{y_m} m, relief up to {relief_range_m} m");
+        }
+        assert_eq!(both(1.05), [true, true], "inside of the zone, relief up to {relief_range_m} m");
+    }
+}
+
+#[test]
+fn a_vehicle_on_a_cell_that_a_slanting_border_crosses_does_not_cross_it() {
+    // Along y = x + 0.07 m, 0.05 m high.
+    let corners = [(-9.0, -8.93), (9.0, 9.07), (9.0, 9.12), (-9.0, -8.88)];
+    let zones = Zones { area: None, keep_out: vec![Polygon::new(corners.map(DVec2::from)).unwrap()] };
+    let aside = DVec2::new(-1.0, 1.0).normalize();
+    for (along, across) in (0..8).flat_map(|along| (-6..=6).map(move |across| (along, across))) {
+        let x_m = f64::from(along) * 0.083 - 0.31;
+        let from = DVec2::new(x_m, x_m + 0.095 + f64::from(across) * 0.066);
+        if !zones.forbid(from) {
+            let beside = aside * 2.5 * f64::from(across).signum();
+            assert!(leads(from, from + beside, &zones, 0.8), "{from}: on its side");
+            assert!(!leads(from, from - beside, &zones, 0.8), "{from}: beyond the zone");
+        }
+    }
+}
+
+#[test]
+fn a_vehicle_beside_the_end_of_a_thin_zone_drives_around_it() {
+    let zones = Zones { area: None, keep_out: vec![rectangle([(-9.0, 1.02), (0.0, 1.08)])] };
+    assert!(leads(DVec2::new(-0.5, 0.9), DVec2::new(-0.6, 2.6), &zones, 0.8));
+}
+
+#[test]
+fn a_vehicle_in_the_corner_of_its_area_can_leave_the_corner() {
+    // The middles of the cells beside its own lie outside of the area, but that of one diagonally across.
+    let zones = Zones { area: Some(rectangle([(0.05, 0.05), (3.5, 3.5)])), keep_out: Vec::new() };
+    for relief_range_m in [0.0, 0.8] {
+        assert!(leads(DVec2::new(0.08, 0.08), DVec2::new(2.0, 2.0), &zones, relief_range_m));
+    }
+}
+
+#[test]
+fn relief_does_not_open_a_zone() {
+    let zones = Zones { area: None, keep_out: vec![rectangle([(0.7, -1.0), (2.0, 1.0)])] };
+    let rules = Rules { relief_range_m: 1.2, ..rules() };
+    let past = Past { zones: Some(&zones), ..Past::default() };
+    let vehicle = Pose::IDENTITY;
+    let mut terrain = Terrain::default();
+    let costs = terrain.costs(&sensed(0), &vehicle, &past, &rules).unwrap();
+    assert_eq!(costs.get(at(0.8, 0.0)), Some(BLOCKED));
+    assert_eq!(terrain.terms(&sensed(0), at(0.8, 0.0), &vehicle, &rules), Err(Obstruction::Obstacle));
 }

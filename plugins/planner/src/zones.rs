@@ -102,6 +102,11 @@ impl Zones {
         outside.chain(inside).map(|polygon| polygon.border_m(at)).fold(0.0, f64::max)
     }
 
+    /// Whether the border of a zone lies between two positions.
+    pub fn separate(&self, a: DVec2, b: DVec2) -> bool {
+        self.keep_out.iter().any(|zone| zone.edges().any(|edge| do_cross((a, b), edge)))
+    }
+
     /// Calls a function with points along the borders of the zones, at most a step from each other, m, within
     /// a rectangle from its lowest to its highest corner.
     pub fn along_borders(&self, [low, high]: [DVec2; 2], step_m: f64, mut visit: impl FnMut(DVec2)) {
@@ -168,6 +173,12 @@ impl Zones {
 /// Whether a position on a line lies inside of a polygon whose edges cross the line there.
 fn is_inside(crossings: impl Iterator<Item = f64>, x: f64) -> bool {
     crossings.filter(|&at| x < at).count() % 2 == 1
+}
+
+/// Whether two segments cross each other.
+fn do_cross((a, b): (DVec2, DVec2), (c, d): (DVec2, DVec2)) -> bool {
+    let is_left = |from: DVec2, to: DVec2, at: DVec2| (to - from).perp_dot(at - from) > 0.0;
+    is_left(c, d, a) != is_left(c, d, b) && is_left(a, b, c) != is_left(a, b, d)
 }
 
 /// The area within the bounds of a world file less a margin, m; `None` if it states none.
@@ -240,6 +251,17 @@ mod tests {
             let [area, zone] = [zones.area.as_ref().unwrap(), &zones.keep_out[0]];
             assert_eq!(zones.forbid_along(y)(x), !area.contains(at) || zone.contains(at), "{at}");
         }
+    }
+
+    #[test]
+    fn a_border_separates_what_lies_on_its_two_sides_as_far_as_it_goes() {
+        let zones = Zones { area: Some(square(-20.0, 20.0)), keep_out: vec![square(0.0, 10.0)] };
+        let separate = |a: (f64, f64), b: (f64, f64)| zones.separate(DVec2::from(a), DVec2::from(b));
+        assert!(separate((-1.0, 5.0), (1.0, 5.0)), "into the zone");
+        assert!(separate((-1.0, 5.0), (11.0, 5.0)), "through the zone");
+        assert!(!separate((-1.0, 5.0), (-0.5, 9.0)), "along the zone");
+        assert!(!separate((-1.0, 11.0), (11.0, 10.5)), "past its corner");
+        assert!(!separate((-30.0, 0.0), (-10.0, 0.0)), "the border of the area");
     }
 
     #[test]

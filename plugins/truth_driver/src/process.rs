@@ -43,8 +43,8 @@ enum Plan {
     Missing,
     Wanted(String),
     Good,
-    /// There is no path, and why.
-    Impossible(String),
+    /// There is no path from a place, m, and why.
+    Impossible(DVec2, String),
 }
 
 /// Ports of [`TruthDriver`].
@@ -110,10 +110,10 @@ impl Process for TruthDriver {
             return;
         }
         let off_path_m = self.follow(place, params);
-        if !matches!(self.plan, Plan::Good | Plan::Impossible(_)) {
+        if !matches!(self.plan, Plan::Good | Plan::Impossible(..)) {
             self.search(ports, place, goal.truncate(), params, cx);
         }
-        if let Plan::Impossible(reason) = &self.plan {
+        if let Plan::Impossible(_, reason) = &self.plan {
             cx.error(reason.clone());
             return;
         }
@@ -161,9 +161,14 @@ impl TruthDriver {
         }
     }
 
-    /// Advances along the path and requests a new one if the vehicle has left it. Returns the distance from the path,
-    /// m.
+    /// Advances along the path and requests a new one if the vehicle has left it, or has moved since there was none.
+    /// Returns the distance from the path, m.
     fn follow(&mut self, place: DVec2, params: &TruthDriverParams) -> f64 {
+        if let Plan::Impossible(from, _) = self.plan
+            && from.distance(place) > params.stray_m
+        {
+            self.plan = Plan::Wanted("the vehicle is elsewhere than where no way was found".to_owned());
+        }
         if self.path.is_empty() {
             return 0.0;
         }
@@ -189,7 +194,7 @@ impl TruthDriver {
             Ok(terrain) => terrain,
             Err(error) => {
                 cx.fault(format!("ground_truth_map: {error}"));
-                self.plan = Plan::Impossible(format!("the map cannot be used: {error}"));
+                self.plan = Plan::Impossible(place, format!("the map cannot be used: {error}"));
                 return;
             }
         };
@@ -205,7 +210,7 @@ impl TruthDriver {
             }
             Err(error) => {
                 self.path.clear();
-                self.plan = Plan::Impossible(error.to_string());
+                self.plan = Plan::Impossible(place, error.to_string());
             }
         }
     }

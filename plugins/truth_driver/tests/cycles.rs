@@ -177,6 +177,19 @@ fn a_goal_behind_a_wall_is_an_error_and_nothing_is_commanded_until_it_opens() {
 }
 
 #[test]
+fn a_vehicle_that_is_driven_by_hand_to_where_there_is_a_way_goes_on_from_there() {
+    let mut bench = Bench::on_a_meadow();
+    bench.write("/operator/map", map(|column| if column == 40 { 24 } else { 1 }));
+    for x_m in [2.0, 2.5, 5.0] {
+        bench.at(x_m, 4.0, 0.0);
+        assert_eq!(bench.status().state(), rcs::ProcessState::Error, "before the wall, at {x_m} m");
+    }
+    assert_eq!(bench.sent("/driver/drive"), 0);
+    bench.at(11.0, 4.0, 0.0);
+    assert_eq!((bench.status().state(), bench.sent("/driver/drive")), (rcs::ProcessState::Exec, 1));
+}
+
+#[test]
 fn what_is_no_pose_or_of_another_frame_is_a_fault_and_is_skipped() {
     let mut bench = Bench::on_a_meadow();
     bench.write("/operator/pose", odometry("local", Pose::IDENTITY));
