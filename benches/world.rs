@@ -5,7 +5,7 @@ use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use rcs_geom::DVec2;
 use rcs_msg::Stamp;
 use rcs_sense::{CELL_SIZE_M, CostGrid, GridFrame};
-use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
+use rcs_world::{Map, MapOptions, Source, SourceKind, Sources, VoteRule, Weights};
 use rcs_world_model::algo::{VoteOrigin, take};
 
 /// Labelled points of a frame.
@@ -15,6 +15,7 @@ fn rule(source: Source, sequence: u32) -> VoteOrigin {
     let time = Stamp(u64::from(sequence));
     VoteOrigin {
         source,
+        kind: SourceKind::Range,
         sequence,
         time,
         rule: VoteRule::default(),

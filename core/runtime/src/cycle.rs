@@ -169,6 +169,11 @@ impl Cycle<'_> {
         self.register.is_new()
     }
 
+    /// Whether `RUN` was accepted since the last cycle, alone or with commands of the process's own after it.
+    pub fn is_new_run(&self) -> bool {
+        self.register.is_run_new()
+    }
+
     /// Sets the status to executing, with a text.
     #[track_caller]
     pub fn exec(&mut self, text: impl Into<Text>) {

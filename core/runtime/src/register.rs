@@ -105,6 +105,8 @@ pub(crate) struct Register {
     standing: Option<Accepted>,
     /// Whether a command was accepted since the last cycle.
     is_new: bool,
+    /// Whether `RUN` was among those.
+    is_run_new: bool,
 }
 
 /// Effect of a command on the node.
@@ -127,6 +129,10 @@ impl Register {
         self.is_new
     }
 
+    pub(crate) fn is_run_new(&self) -> bool {
+        self.is_run_new
+    }
+
     /// The next unread own command.
     pub(crate) fn next(&mut self) -> Option<Typed> {
         self.pending.pop_front()?.typed
@@ -140,7 +146,7 @@ impl Register {
     /// Called after a cycle: discards the own commands that the process did not read.
     pub(crate) fn end_cycle(&mut self) {
         if self.is_new {
-            self.is_new = false;
+            (self.is_new, self.is_run_new) = (false, false);
             self.pending.clear();
         }
     }
@@ -275,6 +281,7 @@ impl Register {
         let Some(typed) = typed else {
             self.phase = phase.unwrap_or_default();
             self.standing = None;
+            self.is_run_new = self.phase == Phase::Run;
             if self.phase != Phase::Run {
                 self.pending.clear();
             }
@@ -338,6 +345,7 @@ pub(crate) struct RegisterOnDisk {
     pending: Vec<Vec<u8>>,
     standing: Option<Vec<u8>>,
     is_new: bool,
+    is_run_new: bool,
 }
 
 impl From<&Register> for RegisterOnDisk {
@@ -351,6 +359,7 @@ impl From<&Register> for RegisterOnDisk {
             pending: register.pending.iter().map(bytes).collect(),
             standing: register.standing.as_ref().map(bytes),
             is_new: register.is_new,
+            is_run_new: register.is_run_new,
         }
     }
 }
@@ -370,6 +379,7 @@ impl TryFrom<&RegisterOnDisk> for Register {
             pending: disk.pending.iter().map(accepted).collect::<Result<_, _>>()?,
             standing: disk.standing.as_ref().map(accepted).transpose()?,
             is_new: disk.is_new,
+            is_run_new: disk.is_run_new,
         })
     }
 }

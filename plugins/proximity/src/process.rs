@@ -29,7 +29,7 @@ const COUNTS_S: f64 = 0.5;
 pub struct Proximity {
     localizer: Localizer,
     traction: Traction,
-    /// Switches of the last bumper map, and its time.
+    /// Switches of the last bumper map, and its time, at most that of its arrival.
     bumper: Option<([bool; 2], Stamp)>,
     /// When encoders and motors were read last. No slip report is sent before the first encoder reading.
     encoders_at: Option<Stamp>,
@@ -166,8 +166,11 @@ impl Proximity {
     ) {
         let time = bumper.acq_time();
         let switches = [bumper.left, bumper.right];
+        // A time from the future would end the maps until the clock is there.
+        let taken_at = bumper.acq_time_on_arrival();
         let is_due = self.bumper.is_none_or(|(last, at)| {
-            last != switches || time.seconds_since(at) >= params.bumper_period_s - 1e-6
+            let since_s = taken_at.seconds_since(at);
+            last != switches || since_s < 0.0 || since_s >= params.bumper_period_s - 1e-6
         });
         if !is_due {
             return;
@@ -178,7 +181,7 @@ impl Proximity {
             }
             return;
         };
-        self.bumper = Some((switches, time));
+        self.bumper = Some((switches, taken_at));
         // Where the wheels slip, the vehicle is not where odometry says, and what is under it says nothing.
         let slips =
             matches!(self.traction.state, State::Spins | State::Stalled) || self.last_slip.is_on(cx.now());
@@ -286,6 +289,7 @@ impl Proximity {
         };
         let reading = Inertial {
             time: imu.acq_time(),
+            arrived: imu.header().log_time,
             acceleration_mps2: acceleration.x,
             yaw_rate_radps: rate.z,
             pitch_rad: pose.rpy()[1],

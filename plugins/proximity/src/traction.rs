@@ -63,6 +63,8 @@ pub struct Rules {
 pub struct Inertial {
     /// Acquisition time.
     pub time: Stamp,
+    /// When it came, by the clock of the run.
+    pub arrived: Stamp,
     /// Specific force along the vehicle's x axis, gravity included, m/s².
     pub acceleration_mps2: f64,
     /// Turn rate about the z axis, rad/s.
@@ -140,6 +142,8 @@ pub struct Traction {
     /// Mean speed of the wheels at the last inertial reading, m/s.
     before_mps: f64,
     last_inertial: Option<Stamp>,
+    /// The time of that reading, and at most its arrival: by it, the sensor is silent or not.
+    heard: Option<Stamp>,
     /// Whether the inertial speed is more than the wheels' speed: since the start or a gap, a reading was integrated, or the
     /// vehicle stood.
     is_integrated: bool,
@@ -159,8 +163,12 @@ impl Traction {
         (self.wheels_mps[1] - self.wheels_mps[0]) / rules.track_m
     }
 
-    /// Takes inertial readings in chronological order; readings older than the last one are ignored.
+    /// Takes inertial readings in chronological order; readings older than the last one are ignored, unless that one is from
+    /// the future: by it, all others would be older until the clock is there.
     pub fn take_inertial(&mut self, reading: &Inertial, rules: &Rules) {
+        let Inertial { time, arrived, .. } = *reading;
+        self.last_inertial = self.last_inertial.filter(|&last| last <= arrived || time > arrived);
+        self.heard = self.heard.max(Some(time.min(arrived)));
         let dt_s = self.last_inertial.map(|last| reading.time.seconds_since(last));
         self.last_inertial = Some(self.last_inertial.map_or(reading.time, |last| last.max(reading.time)));
         let wheels = self.wheel_speed_mps();
@@ -206,7 +214,7 @@ impl Traction {
 
     /// Without a pitch, the wheel speed is the only estimate of the speed.
     pub fn lose_inertial(&mut self) {
-        self.last_inertial = None;
+        (self.last_inertial, self.heard) = (None, None);
     }
 
     /// Evaluates the state at `now`.
@@ -214,7 +222,7 @@ impl Traction {
         let dt_s = self.last_look.map_or(0.0, |last| now.seconds_since(last).max(0.0));
         self.last_look = Some(now);
         let is_inertial = self.is_integrated
-            && self.last_inertial.is_some_and(|last| now.seconds_since(last) <= inertial_timeout_s);
+            && self.heard.is_some_and(|heard| now.seconds_since(heard) <= inertial_timeout_s);
         let slip = if is_inertial { self.slip_now(rules) } else { None };
         self.slip = slip.unwrap_or(0.0);
         let least = if self.slips { rules.spin_slip * STILL_SPINS } else { rules.spin_slip };

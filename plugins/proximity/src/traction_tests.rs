@@ -35,6 +35,7 @@ fn drive(traction: &mut Traction, from_s: f64, to_s: f64, offset_mps2: f64, at: 
         let time = Stamp(step * 10_000_000);
         let reading = Inertial {
             time,
+            arrived: time,
             acceleration_mps2: acceleration - GRAVITY_MPS2 * libm::sin(now.pitch_rad) + offset_mps2,
             yaw_rate_radps: now.yaw_rate_radps,
             pitch_rad: now.pitch_rad,
@@ -182,6 +183,7 @@ fn readings_after_a_gap_or_out_of_order_are_not_integrated() {
     let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
     let reading = |ms: u64| Inertial {
         time: Stamp(ms * 1_000_000),
+        arrived: Stamp(2_000_000_000),
         acceleration_mps2: 50.0,
         yaw_rate_radps: 0.0,
         pitch_rad: 0.0,
@@ -198,7 +200,8 @@ fn an_inertial_sensor_too_slow_to_be_integrated_does_not_say_that_the_wheels_gri
     let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
     let take = |traction: &mut Traction, ms: u64| {
         let time = Stamp(ms * 1_000_000);
-        let reading = Inertial { time, acceleration_mps2: 0.0, yaw_rate_radps: 0.0, pitch_rad: 0.0 };
+        let reading =
+            Inertial { time, arrived: time, acceleration_mps2: 0.0, yaw_rate_radps: 0.0, pitch_rad: 0.0 };
         traction.take_inertial(&reading, &RULES);
         traction.look(time, 0.2, &RULES);
         traction.state
@@ -207,4 +210,30 @@ fn an_inertial_sensor_too_slow_to_be_integrated_does_not_say_that_the_wheels_gri
         assert_eq!(take(&mut traction, 125 * step), State::Unknown);
     }
     assert_eq!(take(&mut traction, 125 * 19 + 50), State::Grips, "a step that is integrated");
+}
+
+#[test]
+fn a_reading_from_the_future_does_not_end_the_detection_and_a_clock_that_is_ahead_does_not_hide_silence() {
+    let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
+    let take = |traction: &mut Traction, ms: u64, ahead_ms: u64| {
+        let (now, time) = (Stamp(ms * 1_000_000), Stamp((ms + ahead_ms) * 1_000_000));
+        let reading =
+            Inertial { time, arrived: now, acceleration_mps2: 0.0, yaw_rate_radps: 0.0, pitch_rad: 0.0 };
+        traction.take_inertial(&reading, &RULES);
+        traction.look(now, 0.2, &RULES);
+        traction.state
+    };
+    for step in 0..20 {
+        take(&mut traction, 1_000 + 10 * step, 0);
+    }
+    take(&mut traction, 1_200, 3_600_000);
+    take(&mut traction, 1_210, 0);
+    assert_eq!(take(&mut traction, 1_220, 0), State::Grips);
+    // From now on its clock is 18 s ahead.
+    for step in 0..20 {
+        take(&mut traction, 1_230 + 10 * step, 18_000);
+    }
+    assert_eq!(traction.state, State::Grips);
+    traction.look(Stamp(1_700_000_000), 0.2, &RULES);
+    assert_eq!(traction.state, State::Unknown, "silent since 1.42 s");
 }

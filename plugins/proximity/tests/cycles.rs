@@ -5,8 +5,9 @@
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::foxglove::{self, FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
 use rcs_msg::rcs;
+use rcs_msg::{AnyMessage, Stamp};
 use rcs_proximity::Proximity;
-use rcs_runtime::ProcessType;
+use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::GridView;
@@ -156,6 +157,22 @@ fn unchanged_bumper_readings_go_out_ten_times_a_second() {
         bench.cycle();
     }
     assert_eq!(bench.sent("/proximity/bumper_cost"), 10);
+}
+
+#[test]
+fn a_bumper_reading_from_the_future_does_not_end_the_maps_of_those_after_it() {
+    let mut bench = Bench::placed();
+    let ahead = Stamp((bench.now_ms + 3_600_000) * 1_000_000);
+    let message = AnyMessage::new(rcs::Bumper::default());
+    bench.session.write(ExternalEvent::sensed("/operator/bumper", ahead, message)).unwrap();
+    bench.cycle();
+    for _ in 0..20 {
+        bench.odometry();
+        bench.write("/operator/bumper", rcs::Bumper::default());
+        bench.cycle();
+    }
+    let sent = bench.sent("/proximity/bumper_cost");
+    assert!((10..=11).contains(&sent), "{sent}");
 }
 
 #[test]

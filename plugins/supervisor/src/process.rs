@@ -31,10 +31,9 @@ rcs_runtime::commands! {
     }
 }
 
-/// State: whether the children have been told to run, what has been halted, and why.
+/// State: what has been halted, and why, and whether an `INIT` is yet to be passed on.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Supervisor {
-    runs: bool,
     /// Whether the children have not been sent an `INIT` that this supervisor has received.
     initializes: bool,
     /// Why the vehicle interface is to be halted while this supervisor runs.
@@ -100,9 +99,9 @@ impl Process for Supervisor {
     fn cycle(&mut self, ports: &Ports, _params: &SupervisorParams, cx: &mut Cycle<'_>) {
         self.catch_up(ports, cx);
         let own: Vec<SupervisorCommand> = std::iter::from_fn(|| cx.next_command::<Self>()).collect();
-        let is_run = cx.is_new_command() && (own.is_empty() || !self.runs);
+        let is_run = cx.is_new_run();
         if is_run {
-            *self = Self { runs: true, ..Self::default() };
+            *self = Self::default();
         }
         let to_vehicle_interface = if self.stopped.is_none() { Order::Run } else { Order::Halt };
         order_child(&ports.vehicle_interface, &to_vehicle_interface, is_run, cx);

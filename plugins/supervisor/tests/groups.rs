@@ -558,6 +558,23 @@ fn save_and_clear_reach_the_maps_and_change_nothing_else() {
     bench.expect("wheels", Done, "stands");
     assert_eq!(bench.status("robot").state(), Error);
 
+    // It drives again after RUN, also where another command comes in the same cycle.
+    for other in ["SAVE", "CLEAR"] {
+        for orders in [["RUN", other], [other, "RUN"]] {
+            bench.fate("camera", "is blind");
+            bench.forward(1000);
+            bench.expect("wheels", Done, "stands");
+            bench.fate("camera", "");
+            bench.forward(300);
+            for order in orders {
+                bench.say("robot", order);
+            }
+            bench.forward(1000);
+            bench.expect("robot", Exec, "all children run");
+            bench.expect("wheels", Exec, "drives");
+        }
+    }
+
     // A group without maps says so.
     bench.say("perception", "SAVE");
     bench.forward(100);

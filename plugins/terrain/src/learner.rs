@@ -67,6 +67,10 @@ pub struct Ports {
 /// What driving teaches is sent after this time if no image comes before, s.
 const SEND_AFTER_S: f64 = 0.2;
 
+/// Each frame centres the maps on the vehicle. Where none comes, they follow it in steps of this length, m: a map that moved
+/// to and fro would forget the cells at its border.
+const FOLLOWS_M: f64 = 5.0;
+
 /// What a frame of a camera taught.
 struct Lesson {
     side: usize,
@@ -164,7 +168,7 @@ impl Process for TerrainLearner {
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 TerrainLearnerCommand::Clear => {
-                    self.maps = vec![empty_map()];
+                    self.renew_maps(vec![map_with(ModelSet::default()); self.maps.len()]);
                     changed = true;
                 }
                 TerrainLearnerCommand::Delete(model) => {
@@ -175,12 +179,11 @@ impl Process for TerrainLearner {
         }
         // Parameters may change during a run.
         if self.loaded != files(params) {
-            self.maps = maps(params);
+            self.renew_maps(maps(params));
             self.loaded = files(params);
             changed = true;
         }
-        self.maps
-            .resize_with(if params.cameras() == TerrainCameras::TerrainSeparate { 2 } else { 1 }, empty_map);
+        self.follow(params, cx.now());
         let rules = rules(params);
         let mut lessons = Vec::new();
         for side in 0..if params.cameras() == TerrainCameras::TerrainLeft { 1 } else { 2 } {
@@ -224,6 +227,25 @@ impl Process for TerrainLearner {
 }
 
 impl TerrainLearner {
+    /// Begins with other maps where the ones before were.
+    fn renew_maps(&mut self, maps: Vec<TerrainMap>) {
+        let middle = self.maps.first().map(TerrainMap::middle);
+        self.maps = maps;
+        if let Some(middle) = middle {
+            self.maps.iter_mut().for_each(|map| map.recentre(middle));
+        }
+    }
+
+    /// Centres maps on the vehicle from whose middle it is far: see [`FOLLOWS_M`].
+    fn follow(&mut self, params: &TerrainLearnerParams, now: Stamp) {
+        // Without a pose they stay; frames report it.
+        let Ok(pose) = extrinsics(params).local_from_vehicle(&self.localizer, now) else { return };
+        let place = pose.translation.truncate();
+        for map in self.maps.iter_mut().filter(|map| map.middle().distance(place) > FOLLOWS_M) {
+            map.recentre(place);
+        }
+    }
+
     /// Learns from a frame.
     fn learn(
         &mut self,
@@ -394,9 +416,13 @@ fn rules(params: &TerrainLearnerParams) -> ModelRules {
 
 /// Fingerprint of what the maps of the parameters are made of. Counts of other bins of ratios cannot be compared.
 fn files(params: &TerrainLearnerParams) -> u64 {
-    let is_separate = params.cameras() == TerrainCameras::TerrainSeparate;
+    let cameras = params.cameras();
+    let is_separate = cameras == TerrainCameras::TerrainSeparate;
     let settings = format!("{is_separate} {}", params.ratio_span_octaves);
-    fingerprint_of_texts(&[&params.models, &params.models_right, &settings])
+    // The left camera alone has no use for the models of the right one.
+    let none = String::new();
+    let models_right = if cameras == TerrainCameras::TerrainLeft { &none } else { &params.models_right };
+    fingerprint_of_texts(&[&params.models, models_right, &settings])
 }
 
 /// Maps with the models of the parameters; texts refused by [`Process::check`] are left out.
@@ -436,10 +462,6 @@ fn statement(maps: &[Known], local: &str, time: Stamp) -> Grid {
     let names = ["cost", "conf", "backing", "model"];
     let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
     frame.message_of_bytes(Source::TERRAIN, &names, data, local, time)
-}
-
-fn empty_map() -> TerrainMap {
-    map_with(ModelSet::default())
 }
 
 #[expect(clippy::expect_used, reason = "201 cells of 0.2 m are a grid")]

@@ -60,7 +60,7 @@
 //! # Where to begin
 //!
 //! - [`appearance`]: histograms and their comparison. [`texture`]: local binary patterns and contrast.
-//! - [`frame`]: from pixels to cells. [`map`]: the learning map. [`models`]: models, and their conversion to messages.
+//! - [`frame`]: from pixels to cells. [`map`] and [`cell`]: the learning map. [`models`]: models, and their conversion to messages.
 //! - [`judgement`]: what the map says of a cell. [`surroundings`]: cells that cannot be compared.
 //! - [`classify`]: windows of an image. [`place`]: their position on the ground.
 //! - [`sync`]: matching of images by time.
@@ -88,6 +88,7 @@ rcs_msg::messages!(
 
 pub mod appearance;
 mod camera;
+pub mod cell;
 pub mod classifier;
 pub mod classify;
 mod experience;

@@ -2,8 +2,9 @@
 //! 2006a, 3.2).
 //!
 //! A cell that is ready gives all its points to a model. From then on each new point of the cell also goes to the
-//! model, until the cell is no longer pure; then the model keeps its points. A cell that is not pure, or has few points,
-//! can resemble a model: it gives it no points, but shares its experience. Cells that scroll off the map are forgotten.
+//! model, until the cell is no longer pure; then the model keeps its points, and a cell that becomes pure again gives those
+//! that it has got since. A cell that is not pure, or has few points, can resemble a model: it gives it no points, but
+//! shares its experience. Cells that scroll off the map are forgotten.
 //!
 //! The paper does not give the weight of experience. Here both what is seen and what is experienced are counted in
 //! cells, so that their ratio depends neither on the resolution of the camera nor on how long something was looked at:
@@ -19,14 +20,15 @@
 //! that one while the other has no experience. How it looks from afar later does not count any more. The paper has one look
 //! for both.
 
+use crate::cell::{Cell, judgement, part_in_surroundings};
 use crate::frame::Window;
-use crate::judgement::{Judgement, SURE};
-use crate::models::{Model, ModelRules, ModelSet, Terrain};
-use crate::surroundings::{Part, Role, spread};
+use crate::judgement::Judgement;
+use crate::models::{Lesson, Model, ModelRules, ModelSet, Terrain};
+use crate::surroundings::{Role, spread};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, GridError, Pose, ScrollGrid};
 use rcs_sense::CELL_SIZE_M;
-use rcs_world::{MAX_COST, SIDE};
+use rcs_world::SIDE;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -35,8 +37,8 @@ use std::sync::Arc;
 /// many new kinds of terrain: finding the most similar pair of 64 models takes about 20 µs.
 pub const SQUEEZED: usize = 64;
 
-/// Of the cells that an operator marks at once, a model gains from at most so many: as from a hit of the bumper, so that
-/// one large outline does not outweigh everything that was driven over.
+/// Of the cells that an operator marks at once, a model gains from at most so many, whether they belong to it then or join
+/// it later: as from a hit of the bumper, so that one large outline does not outweigh everything that was driven over.
 pub const MARKED_CELLS: usize = 4;
 
 /// How far experience reaches.
@@ -74,21 +76,6 @@ const SPUN_SHARE: f64 = 0.4;
 /// What looks like obstacles that were driven over may be higher than those by this much, mm, by the noise of range.
 const HEIGHT_NOISE_MM: u32 = 100;
 
-/// A cell of the learning map.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Cell {
-    /// Sums of its points and its experience.
-    pub terrain: Terrain,
-    /// Number of the model that it belongs to, or that it resembles.
-    pub model: Option<u32>,
-    /// Whether its points are part of that model.
-    pub is_part: bool,
-    /// Whether it was seen from near; what was seen from afar no longer counts then.
-    pub is_near: bool,
-    /// Number of the model that it belonged to or resembled from afar.
-    pub far: Option<u32>,
-}
-
 /// A rectangle on the ground under or in front of the vehicle, vehicle frame, m: x forward, y left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
@@ -118,33 +105,6 @@ pub struct Learned {
     pub left_out: u64,
 }
 
-/// Judges a cell: by its model, where it belongs to one or where experience backs one that it resembles; else by itself.
-/// `is_low`: it is no higher than what was driven over.
-fn judgement(
-    cell: &Cell,
-    numbered: Option<(u32, &Model)>,
-    is_low: bool,
-    rules: &ModelRules,
-) -> Option<Judgement> {
-    let numbered = numbered.filter(|(_, model)| cell.is_part || model.terrain.experience() > 0);
-    let model = numbered.map(|(_, model)| model);
-    let fraction = match model {
-        Some(model) => model.obstacle_fraction()?,
-        None => cell.terrain.obstacle_fraction(1)?,
-    };
-    let has_experience = cell.terrain.experience() > 0;
-    let backing =
-        if has_experience { 1.0 } else { model.map_or(0.0, |model| model.backing(&cell.terrain, is_low)) };
-    let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;
-    let part = if has_experience { 1.0 } else { seen.min(1.0) };
-    Some(Judgement {
-        cost: (f64::from(MAX_COST) * fraction).round() as u8,
-        confidence: (f64::from(SURE) * part).ceil() as u8,
-        backing: (255.0 * backing).round() as u8,
-        model: numbered.map_or(0, |(number, _)| u8::try_from(number + 1).unwrap_or(0)),
-    })
-}
-
 /// Corners of a patch in the local frame, m.
 fn corners(local_from_vehicle: &Pose, patch: &Patch) -> [DVec2; 4] {
     [0, 1, 2, 3].map(|i| {
@@ -160,25 +120,6 @@ fn contains(outline: &[DVec2], at: DVec2) -> bool {
         (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x)
     });
     crossed.count() % 2 == 1
-}
-
-/// Whether the surroundings of a cell judge it, or it them; `number`: of the model by which the cell is judged.
-fn part_in_surroundings(cell: Option<&Cell>, number: Option<u32>) -> Part {
-    match cell {
-        _ if number.is_some() => Part::Gives,
-        Some(cell) if cell.terrain.experience() > 0 || cell.terrain.is_labelled() => Part::Keeps,
-        _ => Part::Takes,
-    }
-}
-
-impl Cell {
-    /// Forgets its points from afar, and keeps the model that they made it part of.
-    fn come_near(&mut self) {
-        self.is_near = true;
-        self.far = self.model.take();
-        self.is_part = false;
-        self.terrain.forget_points();
-    }
 }
 
 /// The learning map and its models.
@@ -212,6 +153,11 @@ impl TerrainMap {
         if let Some(centre) = self.cells.cell_at(place) {
             self.cells.recentre(centre);
         }
+    }
+
+    /// The middle of the map, local frame, m.
+    pub fn middle(&self) -> DVec2 {
+        self.cells.middle_of(self.cells.centre())
     }
 
     /// The window of cells to which points are assigned.
@@ -253,47 +199,65 @@ impl TerrainMap {
             let cell = Arc::make_mut(cell.get_or_insert_default());
             let [x, y] = [place % SIDE, place / SIDE].map(|at| at as f64 - (SIDE / 2) as f64);
             let is_near = rules.near_m > 0.0 && CELL_SIZE_M * libm::hypot(x, y) <= rules.near_m;
+            if rules.near_m <= 0.0 {
+                // The range may have been greater before.
+                cell.is_near = false;
+            }
             if is_near && !cell.is_near {
                 cell.come_near();
             } else if !is_near && cell.is_near {
                 continue;
             }
-            cell.terrain.merge(new);
+            cell.add(new);
             learned.ground += new.ground;
             learned.obstacle += new.obstacle;
             let number = cell.model.and_then(|before| numbers.get(before as usize)).map(|&now| now as usize);
             if !rules.is_ready(&cell.terrain) {
                 let alike = self.models.alike(&cell.terrain, rules, &signatures);
-                (cell.model, cell.is_part) = (None, false);
+                cell.leave(new);
                 joined.extend(alike.map(|number| (index, number as u32, false)));
             } else if let Some(number) = number.filter(|_| cell.is_part)
                 && let Some(model) = self.models.models.get_mut(number)
             {
                 model.terrain.merge(new);
                 signatures[number] = rules.weights.signature(&model.terrain.histograms);
-            } else if let Some(number) = self.models.take(&cell.terrain, 1, rules, &mut signatures) {
-                joined.push((index, number as u32, true));
-            } else if squeezed < SQUEEZED
-                && let Some([kept, freed]) = self.models.squeeze_in(&cell.terrain, rules, &mut signatures)
-            {
-                squeezed += 1;
-                let renamed = joined.iter_mut().map(|(_, number, _)| number).chain(&mut numbers);
-                renamed.filter(|number| **number == freed as u32).for_each(|number| *number = kept as u32);
-                joined.push((index, freed as u32, true));
             } else {
-                learned.left_out += 1;
+                let (gift, count) = cell.gift();
+                let look = &cell.terrain.histograms;
+                if let Some(number) = self.models.take_part(look, (&gift, count), rules, &mut signatures) {
+                    joined.push((index, number as u32, true));
+                } else if squeezed < SQUEEZED
+                    && let Some([kept, freed]) = self.models.squeeze_in(&gift, rules, &mut signatures)
+                {
+                    squeezed += 1;
+                    let renamed = joined.iter_mut().map(|(_, number, _)| number).chain(&mut numbers);
+                    renamed
+                        .filter(|number| **number == freed as u32)
+                        .for_each(|number| *number = kept as u32);
+                    joined.push((index, freed as u32, true));
+                } else {
+                    learned.left_out += 1;
+                }
             }
         }
         if squeezed > 0 {
             self.rename(&numbers);
         }
-        for (index, number, is_part) in joined {
-            if let Some(Some(cell)) = self.cells.get_mut(index) {
-                let cell = Arc::make_mut(cell);
-                (cell.model, cell.is_part) = (Some(number), is_part);
+        self.join(&joined);
+        learned
+    }
+
+    /// Gives cells their models: index, number of the model, and whether the cell is part of it.
+    fn join(&mut self, joined: &[(CellIndex, u32, bool)]) {
+        for &(index, number, is_part) in joined {
+            let Some(Some(cell)) = self.cells.get_mut(index) else { continue };
+            let cell = Arc::make_mut(cell);
+            if !is_part {
+                cell.model = Some(number);
+            } else if let Some(model) = self.models.models.get_mut(number as usize) {
+                model.terrain.learn(&cell.join(number));
             }
         }
-        learned
     }
 
     /// The models without a picture of which a frame shows a cell: number, and index of that of their cells with the most
@@ -437,7 +401,11 @@ impl TerrainMap {
     ) {
         let mut signatures = self.models.signatures(&rules.weights);
         let mut counted: BTreeMap<u32, usize> = BTreeMap::new();
+        // Lessons that a model which the cell joins later shall learn; in the second list, one from near.
+        let mut untold: [Vec<(CellIndex, Lesson)>; 2] = [Vec::new(), Vec::new()];
+        let mut near = 0;
         let [gained, overrules] = gains.map(|gain| gain.round() as u64);
+        let (driven, bumped) = if what == Experience::Driven { (gained, 0) } else { (0, gained) };
         for &index in cells {
             let Some(slot) = self.cells.get_mut(index) else { continue };
             let cell = Arc::make_mut(slot.get_or_insert_default());
@@ -446,8 +414,12 @@ impl TerrainMap {
             }
             if cell.model.is_none() && rules.is_seen(&cell.terrain) {
                 // Nothing is like it yet: what is experienced here shall reach what looks like it.
-                let number = self.models.take(&cell.terrain, 1, rules, &mut signatures);
-                (cell.model, cell.is_part) = (number.map(|number| number as u32), number.is_some());
+                let (gift, count) = cell.gift();
+                let look = &cell.terrain.histograms;
+                if let Some(number) = self.models.take_part(look, (&gift, count), rules, &mut signatures) {
+                    let lesson = cell.join(number as u32);
+                    self.models.models[number].terrain.learn(&lesson);
+                }
             }
             let mut counts = |number: &u32| {
                 let count = counted.entry(*number).or_default();
@@ -456,26 +428,41 @@ impl TerrainMap {
             };
             let counted_if =
                 |is_counted| if what == Experience::Driven && is_counted { overrules } else { 0 };
-            let labelled = counted_if(cell.terrain.is_labelled());
-            let obstacle = counted_if(cell.terrain.is_obstacle_by_range());
-            let height_mm = if obstacle > 0 { cell.terrain.heights.obstacle_mm(reach.vehicle_mm) } else { 0 };
-            let height_mm = height_mm.min(reach.height_mm);
-            let teach = |terrain: &mut Terrain| {
-                let count = match what {
-                    Experience::Driven => &mut terrain.driven,
-                    Experience::Bumped => &mut terrain.bumped,
-                };
-                *count = count.saturating_add(gained);
-                terrain.driven_labelled = terrain.driven_labelled.saturating_add(labelled);
-                terrain.driven_obstacle = terrain.driven_obstacle.saturating_add(obstacle);
-                terrain.driven_height_mm = terrain.driven_height_mm.max(height_mm);
-            };
-            teach(&mut cell.terrain);
+            let driven_labelled = counted_if(cell.terrain.is_labelled());
+            let driven_obstacle = counted_if(cell.terrain.is_obstacle_by_range());
+            let height_mm =
+                if driven_obstacle > 0 { cell.terrain.heights.obstacle_mm(reach.vehicle_mm) } else { 0 };
+            let driven_height_mm = height_mm.min(reach.height_mm);
+            let lesson = Lesson { driven, bumped, driven_labelled, driven_obstacle, driven_height_mm };
+            cell.terrain.learn(&lesson);
+            near += usize::from(cell.is_near);
+            if cell.model.is_none() {
+                untold[0].push((index, lesson));
+            }
+            if !cell.is_near {
+                untold[1].push((index, lesson));
+            }
             let far = cell.far.filter(|far| cell.model != Some(*far));
             for number in [cell.model, far].into_iter().flatten().filter(|number| counts(number)) {
                 if let Some(model) = self.models.models.get_mut(number as usize) {
-                    teach(&mut model.terrain);
+                    model.terrain.learn(&lesson);
                 }
+            }
+        }
+        let most = counted.values().copied().max().unwrap_or(0);
+        self.keep(&untold[0], reach.cells.saturating_sub(most), |cell| &mut cell.untold);
+        self.keep(&untold[1], reach.cells.saturating_sub(near), |cell| &mut cell.untold_near);
+    }
+
+    /// Keeps lessons for models that their cells join later: those of so many cells at most, spread over all of them.
+    fn keep(&mut self, lessons: &[(CellIndex, Lesson)], most: usize, place: fn(&mut Cell) -> &mut Lesson) {
+        if most == 0 {
+            return;
+        }
+        let every = lessons.len().div_ceil(most).max(1);
+        for (index, lesson) in lessons.iter().step_by(every) {
+            if let Some(Some(cell)) = self.cells.get_mut(*index) {
+                place(Arc::make_mut(cell)).merge(lesson);
             }
         }
     }

@@ -3,8 +3,10 @@
 use super::*;
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::frame::{gather, join, spots, strips};
+use crate::judgement::SURE;
 use crate::models::Heights;
 use crate::scene::{Scene, terrain};
+use crate::surroundings::Part;
 
 const RULES: ModelRules = ModelRules {
     min_points: 40,
@@ -68,6 +70,26 @@ fn a_cell_joins_a_model_when_it_is_ready_and_leaves_it_when_it_is_no_longer_pure
     let cell = map.get(index).unwrap();
     assert_eq!((cell.model, cell.is_part), (Some(0), false), "not pure, but still like it");
     assert_eq!(map.models.models[0].terrain.obstacle, 1, "the model keeps what it has");
+}
+
+#[test]
+fn a_cell_that_becomes_pure_again_gives_its_model_only_what_it_has_got_since() {
+    let mut map = empty();
+    let (at, index) = (place(3, 4), CellIndex::new(3, 4));
+    map.learn(&[(at, terrain(7, 100, 0))], &RULES);
+    let corners = [[0.65, 0.85], [0.75, 0.85], [0.75, 0.95]].map(|[x, y]| DVec2::new(x, y));
+    assert_eq!(map.mark(&corners, Experience::Bumped, 30.0, &RULES), 1);
+    assert_eq!(map.get(index).unwrap().terrain.bumped, 30);
+    for _ in 0..2 {
+        map.learn(&[(at, terrain(7, 0, 12))], &RULES);
+        assert!(!map.get(index).unwrap().is_part, "not pure");
+        map.learn(&[(at, terrain(7, 300, 0))], &RULES);
+        let (cell, model) = (map.get(index).unwrap(), &map.models.models[0]);
+        assert!(cell.is_part && map.models.models.len() == 1);
+        assert_eq!(model.terrain.histograms, cell.terrain.histograms);
+        let counts = |terrain: &Terrain| [terrain.ground, terrain.obstacle, terrain.bumped];
+        assert_eq!((counts(&model.terrain), model.cells), (counts(&cell.terrain), 1));
+    }
 }
 
 #[test]
@@ -227,6 +249,10 @@ fn with_a_near_range_of_0_not_even_the_cell_under_the_vehicle_is_near() {
     assert!(!map.get(CellIndex::new(0, 0)).unwrap().is_near);
     map.learn(&[(place(0, 0), terrain(7, 100, 0))], &RULES);
     assert!(map.get(CellIndex::new(0, 0)).unwrap().is_near);
+    // Without it again, the cell takes points as before.
+    map.learn(&[(place(0, 0), terrain(7, 50, 0))], &ModelRules { near_m: 0.0, ..RULES });
+    let cell = map.get(CellIndex::new(0, 0)).unwrap();
+    assert_eq!((cell.is_near, cell.terrain.ground), (false, 150));
 }
 
 #[test]
@@ -467,4 +493,62 @@ fn a_large_outline_marks_all_its_cells_and_teaches_a_model_as_much_as_a_small_on
     let corners = [[0.01, 0.01], [0.05, 0.01], [0.05, 0.05]].map(|[x, y]| DVec2::new(x, y));
     assert_eq!(map.mark(&corners, Experience::Driven, 30.0, &RULES), 1);
     assert_eq!(map.get(CellIndex::new(0, 0)).unwrap().terrain.driven, 30);
+}
+
+/// The corners of a square of 36 cells, 5 m east of the origin.
+fn square() -> [DVec2; 4] {
+    [[5.0, 0.0], [6.2, 0.0], [6.2, 1.2], [5.0, 1.2]].map(|[x, y]| DVec2::new(x, y))
+}
+
+/// Centres the map on a cell of the x axis, and adds points to all cells of the square.
+fn look_at_square(map: &mut TerrainMap, vehicle: i64, texture: u16) {
+    map.recentre(map.cells.middle_of(CellIndex::new(vehicle, 0)));
+    let cells = (0..36).map(|i| place(25 + i % 6 - vehicle, i / 6));
+    let points: Vec<_> = cells.map(|at| (at, terrain(texture, 100, 0))).collect();
+    map.learn(&points, &RULES);
+}
+
+#[test]
+fn a_large_outline_teaches_models_that_its_cells_join_later_no_more_than_those_that_they_have() {
+    const AFAR: u16 = 7;
+    const NEAR: u16 = 0o70007;
+    let bumped = |map: &TerrainMap| -> Vec<u64> {
+        map.models.models.iter().map(|model| model.terrain.bumped).collect()
+    };
+    let most = 30 * MARKED_CELLS as u64;
+    // Marked when it was seen from afar, or not at all; and it looks different from near, or not.
+    for (is_seen, near, expected) in [
+        (true, NEAR, vec![most, most]),
+        (true, AFAR, vec![most]),
+        (false, NEAR, vec![most, most]),
+        (false, AFAR, vec![most]),
+    ] {
+        let mut map = empty();
+        if is_seen {
+            look_at_square(&mut map, 0, AFAR);
+        }
+        assert_eq!(map.mark(&square(), Experience::Bumped, 30.0, &RULES), 36);
+        look_at_square(&mut map, 0, AFAR);
+        look_at_square(&mut map, 20, near);
+        assert_eq!(bumped(&map), expected, "{is_seen} {near}");
+        assert!(map.iter().all(|(_, cell)| cell.is_part && cell.terrain.bumped == 30));
+    }
+    // Seen from near alone.
+    let mut map = empty();
+    map.mark(&square(), Experience::Bumped, 30.0, &RULES);
+    look_at_square(&mut map, 20, NEAR);
+    assert_eq!(bumped(&map), [most]);
+}
+
+#[test]
+fn what_was_driven_over_before_it_was_seen_reaches_its_model_once_and_whole() {
+    let mut map = empty();
+    let outline = Patch { x: [-0.35, 0.35], y: [-0.25, 0.25] };
+    map.drive(&Pose::from_xy_yaw(5.5, 0.5, 0.0), &outline, 5.0, &RULES);
+    let driven: u64 = map.iter().map(|(_, cell)| cell.terrain.driven).sum();
+    assert!(driven >= 30, "{driven}");
+    look_at_square(&mut map, 0, 7);
+    look_at_square(&mut map, 20, 0o70007);
+    let of_models: Vec<u64> = map.models.models.iter().map(|model| model.terrain.driven).collect();
+    assert_eq!(of_models, [driven, driven], "its look from afar, and that from near");
 }

@@ -28,6 +28,32 @@ pub struct Terrain {
     pub heights: Heights,
 }
 
+/// One experience of a cell: what it adds to the fields of [`Terrain`] of the same names.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Lesson {
+    /// Experience of ground, in cells.
+    pub driven: u64,
+    /// Experience of obstacles, in cells.
+    pub bumped: u64,
+    /// Cells driven over that range had labelled.
+    pub driven_labelled: u64,
+    /// Those of them that it had called obstacles.
+    pub driven_obstacle: u64,
+    /// Greatest height of those above the ground under the vehicle, mm.
+    pub driven_height_mm: u32,
+}
+
+impl Lesson {
+    /// Adds another one.
+    pub fn merge(&mut self, other: &Lesson) {
+        self.driven = self.driven.saturating_add(other.driven);
+        self.bumped = self.bumped.saturating_add(other.bumped);
+        self.driven_labelled = self.driven_labelled.saturating_add(other.driven_labelled);
+        self.driven_obstacle = self.driven_obstacle.saturating_add(other.driven_obstacle);
+        self.driven_height_mm = self.driven_height_mm.max(other.driven_height_mm);
+    }
+}
+
 /// Heights of labelled points in the local frame, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Heights {
@@ -111,6 +137,23 @@ impl Terrain {
     /// Forgets its points; its experience and heights stay.
     pub fn forget_points(&mut self) {
         (self.histograms, self.ground, self.obstacle) = (Histograms::default(), 0, 0);
+    }
+
+    /// Its points and heights alone.
+    #[must_use]
+    pub fn without_experience(&self) -> Terrain {
+        let Terrain { histograms, ground, obstacle, heights, .. } = *self;
+        Terrain { histograms, ground, obstacle, heights, ..Terrain::default() }
+    }
+
+    /// Adds an experience.
+    pub fn learn(&mut self, lesson: &Lesson) {
+        let Lesson { driven, bumped, driven_labelled, driven_obstacle, driven_height_mm } = *lesson;
+        self.driven = self.driven.saturating_add(driven);
+        self.bumped = self.bumped.saturating_add(bumped);
+        self.driven_labelled = self.driven_labelled.saturating_add(driven_labelled);
+        self.driven_obstacle = self.driven_obstacle.saturating_add(driven_obstacle);
+        self.driven_height_mm = self.driven_height_mm.max(driven_height_mm);
     }
 
     /// Whether range has labelled it, by enough points to say so.
@@ -277,19 +320,29 @@ impl ModelSet {
         rules: &ModelRules,
         signatures: &mut Vec<Signature>,
     ) -> Option<usize> {
-        let signature = rules.weights.signature(&cell.histograms);
-        match signature.best(signatures) {
+        self.take_part(&cell.histograms, (cell, cells), rules, signatures)
+    }
+
+    /// The same for a cell that looks like this, of which a model gains only these sums and this number of cells.
+    pub fn take_part(
+        &mut self,
+        look: &Histograms,
+        (gained, cells): (&Terrain, u64),
+        rules: &ModelRules,
+        signatures: &mut Vec<Signature>,
+    ) -> Option<usize> {
+        match rules.weights.signature(look).best(signatures) {
             Some((best, distance)) if distance <= rules.merge_distance => {
                 let model = &mut self.models[best];
-                model.terrain.merge(cell);
+                model.terrain.merge(gained);
                 model.cells += cells;
                 signatures[best] = rules.weights.signature(&model.terrain.histograms);
                 Some(best)
             }
             _ if self.models.len() < rules.max_models => {
-                let model = self.learned(cell, cells);
+                let model = self.learned(gained, cells.max(1));
+                signatures.push(rules.weights.signature(&model.terrain.histograms));
                 self.models.push(model);
-                signatures.push(signature);
                 Some(self.models.len() - 1)
             }
             _ => None,

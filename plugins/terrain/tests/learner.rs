@@ -9,7 +9,9 @@ use rcs_msg::rcs::{
 };
 use rcs_msg::{AnyMessage, Stamp, schema_of};
 use rcs_runtime::{ExternalEvent, ProcessType};
-use rcs_terrain::proto::{ClassifierParams, TerrainLearnerParams, TerrainModels, TerrainStats};
+use rcs_terrain::proto::{
+    ClassifierParams, TerrainCameras, TerrainLearnerParams, TerrainModels, TerrainStats,
+};
 use rcs_terrain::{Classifier, TerrainLearner};
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::{GridView, NumericType};
@@ -295,6 +297,62 @@ fn what_is_cleared_and_what_was_counted_in_other_bins_is_withdrawn_at_once() {
     other_bins.advance(100);
     assert!(models(&other_bins).models.is_empty());
     assert_eq!(models(&other_bins).ratio_span_octaves, 1.0);
+}
+
+#[test]
+fn without_images_the_map_is_around_the_vehicle_and_stays_there_when_it_is_cleared() {
+    let moving = STACK.replace("pose = { source = \"POSE_FIXED\" }\n", "");
+    let mut bench = Setup::new(&moving, PROCESSES).bench();
+    let at = |bench: &mut Bench, x: f64| {
+        let pose = Some(rcs_sense::pose_message(&Pose::from_xy_yaw(x, 0.0, 0.0)));
+        let frame_id = "local".to_owned();
+        bench.write("/operator/odometry", Odometry { frame_id, pose, ..Odometry::default() });
+    };
+    let clear = |bench: &mut Bench, serial: u64| {
+        bench.write("/terrain/command", Command { serial, name: "CLEAR".to_owned(), ..Command::default() });
+        bench.advance(100);
+        let grid: Grid = bench.latest("/terrain/cost");
+        GridView::new(&grid).unwrap().frame_from_grid().translation.x
+    };
+    bench.advance(100);
+    at(&mut bench, 60.1);
+    let west_m = clear(&mut bench, 2);
+    assert!((west_m - 40.0).abs() < 1e-6, "{west_m}");
+    let point = |x_m, y_m| PlanePoint { x_m, y_m };
+    let outline = PlanePolygon { points: vec![point(61.8, 0.0), point(62.2, 0.0), point(62.2, 0.4)] };
+    let example = TrainingExample {
+        timestamp: None,
+        frame_id: "local".to_owned(),
+        kind: ExampleKind::ExampleObstacle.into(),
+        outline: Some(outline),
+    };
+    at(&mut bench, 62.1);
+    bench.write("/operator/training", example);
+    bench.advance(100);
+    assert_eq!(bench.faults("terrain"), (0, String::new()));
+    assert_eq!(cost(&bench, 62.1, 0.1), 250.0);
+    at(&mut bench, 62.1);
+    assert_eq!(clear(&mut bench, 3), west_m, "the same cells are withdrawn");
+    assert_eq!(cost(&bench, 62.1, 0.1), 255.0);
+    // Farther on it follows.
+    at(&mut bench, 70.1);
+    let west_m = clear(&mut bench, 4);
+    assert!((west_m - 50.0).abs() < 1e-6, "{west_m}");
+}
+
+#[test]
+fn cameras_that_learn_together_from_now_on_begin_with_the_models_of_both() {
+    let text = rcs_msg::to_json(&AnyMessage::new(models(&bench()))).unwrap();
+    let mut bench = Setup::new(STACK, PROCESSES).bench();
+    bench.advance(100);
+    let params: TerrainLearnerParams = bench.latest("/terrain/params");
+    let params = TerrainLearnerParams { models_right: text, ..params };
+    bench.write("/terrain/params", params.clone());
+    bench.advance(100);
+    let cameras = TerrainCameras::TerrainCombined.into();
+    bench.write("/terrain/params", TerrainLearnerParams { cameras, ..params });
+    bench.advance(100);
+    assert!(!models(&bench).models.is_empty());
 }
 
 const CLASSIFIER: &str = r#"

@@ -1,15 +1,17 @@
 //! Conversion of cost maps to votes (Albus 2006a, 4, Albus 2006b, 3.4).
 
-use crate::resample::{Resampled, resampled};
+use crate::resample::{Resampled, is_finer, partly_unknown, resampled};
 use rcs_geom::{CellIndex, CellRect, DVec2};
 use rcs_msg::{Stamp, foxglove::Grid};
-use rcs_world::{GridView, GridViewError, Map, Source, VoteRule};
+use rcs_world::{GridView, GridViewError, Map, OBSTACLE_COST, Source, SourceKind, VoteRule};
 
 /// Properties common to all votes of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoteOrigin {
     /// The voting source.
     pub source: Source,
+    /// How its evidence is used.
+    pub kind: SourceKind,
     /// Sequence number of the message, stored as provenance.
     pub sequence: u32,
     /// Acquisition time of the message.
@@ -43,9 +45,20 @@ pub struct Taken {
 /// Cells with less than the least backing are left out. In those of a message that votes, an obstacle that the source
 /// saw before loses confidence ([`Map::missed`]): else one frame that takes ground for a known obstacle would stay.
 ///
+/// Where the cells of a touch ([`SourceKind::Override`]) are smaller than the map's, one that is below the cost of an
+/// obstacle says nothing unless the touch knows all of the map's cell: what it has driven over in part may be blocked in
+/// the other.
+///
 /// Heights are taken where the message has them (`ground.mean` and the others of [`Map::to_grid`]).
 pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, GridViewError> {
     let Resampled { mut cells, is_state, outside } = resampled(grid, origin.source, map.grid())?;
+    let view = GridView::new(grid)?;
+    if origin.kind == SourceKind::Override && is_finer(&view, map.grid()) {
+        let whole = window_of(&view, map);
+        let partly = partly_unknown(grid, origin.source, map.grid())?;
+        let is_known = |cell: CellIndex| whole.contains(cell) && !partly.contains(&cell);
+        cells.retain(|sensed| sensed.vote.cost >= OBSTACLE_COST || is_known(sensed.cell));
+    }
     cells.retain(|sensed| {
         let is_backed = sensed.vote.backing >= origin.least_backing;
         if !is_backed && !is_state {
@@ -56,7 +69,7 @@ pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, Gr
     if is_state {
         let stated: Vec<_> =
             cells.iter().map(|sensed| (sensed.cell, sensed.stated(origin.sequence))).collect();
-        map.state(origin.source, window_of(&GridView::new(grid)?, map), &stated, origin.time);
+        map.state(origin.source, window_of(&view, map), &stated, origin.time);
     }
     for sensed in &cells {
         if !is_state {
@@ -72,18 +85,21 @@ pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, Gr
     Ok(Taken { votes: cells.len() as u64, outside })
 }
 
-/// The cells of the map that a message covers; of one that is turned, those of the rectangle around it.
+/// The cells of the map that a message covers; of one that is turned, those of the rectangle around it. Those at its border
+/// of which it covers only a part belong to it, unless its cells are smaller than the map's: what it says of the part is not
+/// what it said of the whole.
 fn window_of(view: &GridView<'_>, map: &Map) -> CellRect {
     let size = DVec2::new(view.columns() as f64, view.rows() as f64) * view.cell_size_m();
     let corners = [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(0.0, size.y), size];
     let corners = corners.map(|at| (view.frame_from_grid() * at.extend(0.0)).truncate());
     // Borders of cells belong to neither side.
-    let inside = DVec2::splat(1e-6);
+    let (inside, cut) = if is_finer(view, map.grid()) { (-1e-6, 1) } else { (1e-6, 0) };
     let low = map.grid().cell_at(corners.into_iter().fold(DVec2::INFINITY, DVec2::min) + inside);
     let high = map.grid().cell_at(corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max) - inside);
-    let (Some(south_west), Some(north_east)) = (low, high) else {
+    let (Some(low), Some(high)) = (low, high) else {
         return CellRect { south_west: CellIndex::new(0, 0), columns: 0, rows: 0 };
     };
+    let (south_west, north_east) = (low.offset(cut, cut), high.offset(-cut, -cut));
     let count = |from: i64, to: i64| usize::try_from(to - from + 1).unwrap_or(0);
     let [columns, rows] = [count(south_west.x, north_east.x), count(south_west.y, north_east.y)];
     CellRect { south_west, columns, rows }
@@ -99,6 +115,7 @@ mod tests {
     fn origin(source: Source, sequence: u32) -> VoteOrigin {
         VoteOrigin {
             source,
+            kind: SourceKind::Range,
             sequence,
             time: Stamp(u64::from(sequence)),
             rule: RULE,
@@ -257,5 +274,47 @@ mod tests {
         assert_eq!((said(&map, behind), said(&map, ahead)), (90, 40));
         take(&mut map, &statement(at(0.0), Source::TERRAIN, &[]), &origin(Source::TERRAIN, 3)).unwrap();
         assert_eq!((said(&map, behind), said(&map, ahead)), (UNKNOWN_COST, UNKNOWN_COST));
+    }
+
+    #[test]
+    fn a_state_leaves_a_larger_cell_that_has_left_its_window_in_part_as_it_was_said() {
+        let [outer, inner, next] = [-19.9, -19.7, -19.5].map(|x| DVec2::new(x, 0.1));
+        let mut map = Map::new(0.4).unwrap();
+        let said = |map: &Map, place| map.evidence(Source::TERRAIN, map.grid().cell_at(place).unwrap()).cost;
+        let all = statement(DVec2::ZERO, Source::TERRAIN, &[(outer, 250), (inner, 10), (next, 10)]);
+        take(&mut map, &all, &origin(Source::TERRAIN, 1)).unwrap();
+        assert_eq!((said(&map, inner), said(&map, next)), (250, 10));
+        // The vehicle moves on by one cell of the message, which begins at -19.8 m now.
+        let rest = statement(DVec2::new(0.3, 0.1), Source::TERRAIN, &[(inner, 10), (next, 40)]);
+        take(&mut map, &rest, &origin(Source::TERRAIN, 2)).unwrap();
+        assert_eq!((said(&map, inner), said(&map, next)), (250, 40));
+    }
+
+    #[test]
+    fn a_touch_frees_a_cell_that_is_larger_than_its_own_only_where_it_has_driven_over_all_of_it() {
+        let at = |x: f64, y: f64| DVec2::new(x, y);
+        let touch = |map: &mut Map, kind: SourceKind, costs: &[(DVec2, u8)]| {
+            let message = grid(DVec2::ZERO, Source::BUMPER, costs);
+            take(map, &message, &VoteOrigin { kind, ..origin(Source::BUMPER, 1) }).unwrap();
+            map.evidence(Source::BUMPER, map.grid().cell_at(at(0.1, 0.1)).unwrap()).cost
+        };
+        let empty = |cell_size_m: f64| Map::new(cell_size_m).unwrap();
+        let all = [at(0.1, 0.1), at(0.3, 0.1), at(0.1, 0.3), at(0.3, 0.3)].map(|place| (place, 0));
+        let (part, hit) = (&all[..3], [(at(0.1, 0.3), 250), (at(0.1, 0.1), 0)]);
+        assert_eq!(touch(&mut empty(0.4), SourceKind::Override, &all), 0);
+        assert_eq!(touch(&mut empty(0.4), SourceKind::Override, part), UNKNOWN_COST);
+        assert_eq!(touch(&mut empty(0.4), SourceKind::Range, part), 0, "a sensor that sees a part of it");
+        assert_eq!(touch(&mut empty(0.2), SourceKind::Override, part), 0, "each cell by itself");
+        // Driving over a part of it does not free what was hit in the other.
+        let mut map = empty(0.4);
+        assert_eq!(touch(&mut map, SourceKind::Override, &hit), 250);
+        for _ in 0..9 {
+            assert_eq!(touch(&mut map, SourceKind::Override, part), 250);
+        }
+        // A cell of which a part lies outside of the cost map.
+        let edge = [(at(20.1, 0.1), 0), (at(20.1, 0.3), 0)];
+        let mut map = empty(0.4);
+        touch(&mut map, SourceKind::Override, &edge);
+        assert_eq!(map.evidence(Source::BUMPER, map.grid().cell_at(edge[0].0).unwrap()), Evidence::NONE);
     }
 }

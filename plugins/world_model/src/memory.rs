@@ -183,6 +183,7 @@ impl Rectangle {
         let Ok(field) = view.field_of(OBSTACLE_SEEN_FROM, NumericType::Uint8) else { return };
         let mut seen_from_dm = Vec::new();
         field.bytes_into(&mut seen_from_dm);
+        // 255 stands for all greater distances.
         let within_dm = (within_m * 10.0).min(254.0) as u8;
         for (cost, from_dm) in self.costs.iter_mut().zip(seen_from_dm) {
             if is_obstacle(*cost) && !(1..=within_dm).contains(&from_dm) {

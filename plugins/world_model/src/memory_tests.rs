@@ -156,6 +156,7 @@ fn what_is_only_remembered_is_not_sensed_and_what_is_sensed_counts() {
     let stated = statement(&frame, &remembered, 80, Source::MEMORY, "local", Stamp(1));
     let origin = VoteOrigin {
         source: Source::MEMORY,
+        kind: SourceKind::Learned,
         sequence: 1,
         time: Stamp(1),
         rule,
@@ -180,4 +181,12 @@ fn what_is_only_remembered_is_not_sensed_and_what_is_sensed_counts() {
     assert_eq!(by_shape(&view).get(Source::MEMORY).weight, 0.0, "it is not compared with itself");
     let nothing_near = Rectangle::sensed_from_near(&view, 0.2).unwrap();
     assert_eq!(nothing_near.at(place(3)), 255, "an obstacle that was seen from farther away");
+}
+
+#[test]
+fn the_distance_from_which_obstacles_are_sure_is_one_that_a_map_tells() {
+    use crate::proto::MapMemoryParams;
+    let check =
+        |near_m: f64| rcs_msg::params::check_typed(&MapMemoryParams { near_m, ..rcs_msg::params::default() });
+    assert!(check(25.4).is_ok() && check(25.5).is_err());
 }

@@ -246,6 +246,7 @@ impl WorldModel {
         let origin = |&source: &Source| {
             Some(VoteOrigin {
                 source,
+                kind: listed.weights.get(source).kind,
                 sequence: grid.header().sequence as u32,
                 time: grid.acq_time_on_arrival(),
                 rule: listed.rule(source)?,

@@ -3,6 +3,7 @@
 use rcs_geom::{CellIndex, CellRect, DVec2, DVec3, ScrollGrid};
 use rcs_msg::foxglove::Grid;
 use rcs_world::{Evidence, Field, GridView, GridViewError, HeightStats, MAX_COST, NumericType, Source, Vote};
+use std::collections::BTreeSet;
 
 /// What one message says about one cell of the receiving map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +34,7 @@ pub struct Resampled {
 /// A cell of the message belongs to the cell of the map in which its middle lies. Where a side of it is longer than
 /// the map's cells, it belongs to all cells of the map whose middles lie in it, if there are any. Several cells of the
 /// message in one cell of the map are one: the one with the highest cost counts, because what blocks a part of a cell
-/// blocks the cell; their heights are merged.
+/// blocks the cell; of equal costs the one with the most backing, then the surest. Their heights are merged.
 pub fn resampled<T: Clone>(
     message: &Grid,
     source: Source,
@@ -82,6 +83,31 @@ pub fn resampled<T: Clone>(
         outside += u64::from(is_outside);
     }
     Ok(Resampled { cells: gathered.in_order(), is_state: confidence.is_some(), outside })
+}
+
+/// Whether the cells of a message are smaller than those of a map.
+pub fn is_finer<T: Clone>(view: &GridView<'_>, grid: &ScrollGrid<T>) -> bool {
+    view.cell_size_m().max_element() < grid.cell_size_m() * (1.0 - 1e-9)
+}
+
+/// The cells of the map in which the middle of a cell of the message lies that has no cost of the source; for a message
+/// whose cells are smaller than the map's.
+pub fn partly_unknown<T: Clone>(
+    message: &Grid,
+    source: Source,
+    grid: &ScrollGrid<T>,
+) -> Result<BTreeSet<CellIndex>, GridViewError> {
+    let view = GridView::new(message)?;
+    let mut costs_by_row = Vec::new();
+    view.field_of(&format!("cost.{source}"), NumericType::Uint8)?.bytes_into(&mut costs_by_row);
+    let mut partly = BTreeSet::new();
+    for (at, _) in costs_by_row.iter().enumerate().filter(|(_, cost)| **cost > MAX_COST) {
+        let place = [at % view.columns(), at / view.columns()];
+        for_each_target(&view, place, false, grid, |cell| {
+            partly.insert(cell);
+        });
+    }
+    Ok(partly)
 }
 
 impl Sensed {
@@ -164,7 +190,10 @@ impl Gathered {
         for (kept, next) in kept.heights.iter_mut().zip(&sensed.heights) {
             kept.merge(next);
         }
-        let order = |sensed: &Sensed| (sensed.vote.cost, sensed.vote.worth);
+        let order = |sensed: &Sensed| {
+            let Vote { cost, backing, worth, .. } = sensed.vote;
+            (cost, backing, sensed.confidence, worth)
+        };
         if order(&sensed) > order(kept) {
             *kept = Sensed { heights: kept.heights, ..sensed };
         }
@@ -222,7 +251,8 @@ impl<'a> Heights<'a> {
 mod tests {
     use super::*;
     use rcs_msg::Stamp;
-    use rcs_world::{Map, MapOptions, Sources, VoteRule, Weights};
+    use rcs_sense::GridFrame;
+    use rcs_world::{Map, MapOptions, Sources, UNKNOWN_COST, VoteRule, Weights};
 
     const FULL: VoteRule = VoteRule { rise: 255, fall: 255, obstacle_fall: 255, max: 255, ground_max: 255 };
 
@@ -252,6 +282,23 @@ mod tests {
         let small = message(0.2, &[([0.1, 0.1], 0), ([0.3, 0.1], 240), ([0.5, 0.5], 10), ([0.7, 0.1], 20)]);
         assert_eq!(received(0.6, &small), [([0, 0], 240), ([1, 0], 20)]);
         assert_eq!(received(0.2, &small).len(), 4);
+    }
+
+    #[test]
+    fn of_equal_costs_the_one_that_experience_backs_most_counts_then_the_surest() {
+        let frame = GridFrame { south_west: CellIndex::new(0, 0), side: 2, cell_size_m: 0.2 };
+        let counted = |names: &[&str], cells: [[u8; 3]; 4]| {
+            let data = cells.as_flattened().to_vec();
+            let message = frame.message_of_bytes(Source::STEREO, names, data, "local", Stamp(1));
+            let map = Map::new(0.4).unwrap();
+            resampled(&message, Source::STEREO, map.grid()).unwrap().cells[0]
+        };
+        let votes = [[250, 0, 210], [250, 200, 200], [0, 255, 255], [UNKNOWN_COST, 255, 255]];
+        let vote = counted(&["cost", "backing", "worth"], votes).vote;
+        assert_eq!((vote.cost, vote.backing, vote.worth), (250, 200, 200));
+        let states = [[0, 10, 0], [0, 100, 255], [0, 200, 0], [0, 50, 255]];
+        let stated = counted(&["cost", "conf", "backing"], states);
+        assert_eq!((stated.vote.backing, stated.confidence), (255, 100));
     }
 
     #[test]

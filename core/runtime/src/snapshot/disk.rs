@@ -21,7 +21,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the format of [`Snapshot::to_bytes`].
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 /// Bytes that are serialised as a whole instead of one by one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
