@@ -53,9 +53,19 @@ pub struct Attitude {
     /// Duration of the current rest, s, and the mean turn rate in its first [`LEAST_REST_S`], rad/s.
     rest_s: f64,
     rest_mean: DVec3,
-    /// How long the wheels have stood while the gyros told a steady turn, s, and its mean rate, rad/s.
-    steady_s: f64,
-    steady_mean: DVec3,
+    /// Since when the wheels have stood while the gyros told a steady turn.
+    steady: Steady,
+}
+
+/// A steady turn that the gyros tell while the wheels stand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Steady {
+    /// Its duration, s.
+    duration_s: f64,
+    /// Its mean rate, rad/s.
+    mean: DVec3,
+    /// By how much the heading was turned because of it, rad.
+    yaw_rad: f64,
 }
 
 impl Attitude {
@@ -71,8 +81,7 @@ impl Attitude {
             rested_s: 0.0,
             rest_s: 0.0,
             rest_mean: DVec3::ZERO,
-            steady_s: 0.0,
-            steady_mean: DVec3::ZERO,
+            steady: Steady::default(),
         }
     }
 
@@ -96,10 +105,11 @@ impl Attitude {
             self.turn_radps = turn;
             (self.rest_s, self.rest_mean) = (0.0, DVec3::ZERO);
         }
-        if standing && !at_rest {
+        // Noise around 0.03 rad/s is now a rest and now none: without any bias, both tell of one.
+        if standing && (!at_rest || self.rested_s == 0.0) {
             self.take_steady(settings, gyro_radps, elapsed_s);
         } else {
-            (self.steady_s, self.steady_mean) = (0.0, DVec3::ZERO);
+            self.steady = Steady::default();
         }
         let mut attitude = self.level_from_vehicle * DQuat::from_scaled_axis(self.turn_radps * elapsed_s);
         let is_gravity = |force: &DVec3| (force.length() - GRAVITY_MPS2).abs() < settings.tilt_gate_mps2;
@@ -137,27 +147,33 @@ impl Attitude {
     fn take_steady(&mut self, settings: &AttitudeSettings, gyro_radps: DVec3, elapsed_s: f64) {
         let may_be_bias = (self.rested_s == 0.0 || self.bias.length() >= STANDING_RADPS)
             && gyro_radps.length() < LARGEST_BIAS_RADPS;
-        let is_steady = self.steady_s == 0.0 || (gyro_radps - self.steady_mean).length() < STANDING_RADPS;
+        let steady = &mut self.steady;
+        let is_steady = steady.duration_s == 0.0 || (gyro_radps - steady.mean).length() < STANDING_RADPS;
         if !(may_be_bias && is_steady) {
-            (self.steady_s, self.steady_mean) = (0.0, DVec3::ZERO);
+            *steady = Steady::default();
             return;
         }
         if elapsed_s <= 0.0 {
             return;
         }
-        let before_s = self.steady_s;
-        self.steady_s += elapsed_s;
-        self.steady_mean += (gyro_radps - self.steady_mean) * (elapsed_s / self.steady_s);
-        if self.steady_s < LEAST_STEADY_S {
+        steady.duration_s += elapsed_s;
+        steady.mean += (gyro_radps - steady.mean) * (elapsed_s / steady.duration_s);
+        if steady.duration_s < LEAST_STEADY_S {
+            let up = self.level_from_vehicle.conjugate() * DVec3::Z;
+            steady.yaw_rad += elapsed_s * self.turn_radps.dot(up);
             return;
         }
         // The vehicle has not turned since then.
-        let up = self.level_from_vehicle.conjugate() * DVec3::Z;
-        self.turn_by(-before_s * (self.steady_mean - self.bias).dot(up));
-        self.bias = self.steady_mean;
-        self.rested_s = self.steady_s.min(settings.bias_time_s);
+        let Steady { duration_s, mean, yaw_rad } = std::mem::take(steady);
+        self.turn_by(-yaw_rad);
+        self.bias = mean;
+        self.rested_s = duration_s.min(settings.bias_time_s);
         self.turn_radps = DVec3::ZERO;
-        (self.steady_s, self.steady_mean) = (0.0, DVec3::ZERO);
+    }
+
+    /// Keeps the bias that an earlier estimate of the same sensors has learned.
+    pub fn keep_bias(&mut self, before: &Attitude) {
+        (self.bias, self.rested_s) = (before.bias, before.rested_s);
     }
 
     /// Corrects heading and bias by the heading of a compass, counter-clockwise from east, rad, `elapsed_s` after the
@@ -274,6 +290,23 @@ mod tests {
             attitude.update(&SETTINGS, gyro, Some(DVec3::Z * 9.81), 0.01, false);
         }
         assert!((attitude.yaw_rad() - 1.5).abs() < 0.01, "{}", attitude.yaw_rad());
+    }
+
+    #[test]
+    fn a_bias_at_the_border_of_what_counts_as_rest_is_learned_through_the_noise() {
+        for rate in [0.026, 0.029, 0.03, 0.031, 0.034] {
+            let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 1.0);
+            for step in 0..1000 {
+                let noise = (f64::from(step * 7919 % 1000) / 999.0 - 0.5) * 0.01;
+                stand(&mut attitude, DVec3::Z * (rate + noise), 1);
+            }
+            assert!((attitude.bias.z - rate).abs() < 0.001, "{rate}: {}", attitude.bias);
+            assert!(
+                (attitude.yaw_rad() - 1.0).abs() < 0.01,
+                "{rate}: it has not turned: {}",
+                attitude.yaw_rad()
+            );
+        }
     }
 
     #[test]

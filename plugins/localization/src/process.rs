@@ -272,7 +272,11 @@ impl Localization {
         let is_first = begins && self.wheels.is_none_or(|wheels| !wheels.has_moved());
         let Some(attitude) = self.attitude.as_mut().filter(|_| !is_first) else {
             let (yaw_rad, variance) = start_heading(imu, compass_rad, params);
+            let before = self.attitude.take().filter(|_| self.awaits_compass);
             self.begin(force, yaw_rad, variance);
+            if let Some((attitude, before)) = self.attitude.as_mut().zip(before) {
+                attitude.keep_bias(&before);
+            }
             (self.felt, self.awaits_compass) = (Some(time), self.refuses_compass);
             return Ok(());
         };

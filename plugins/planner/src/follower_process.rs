@@ -154,8 +154,10 @@ impl Process for WaypointFollower {
         self.take_waypoints(ports, local, cx);
         let pressed = self.take_signals(ports, local, cx);
         let held = Held::of(cx.latest(&ports.vehicle).as_deref(), params.min_speed_mps);
-        if held == Held::ByEmergency && self.modes.active().is_some() {
-            self.end_mode("the vehicle is held", ports, params, cx);
+        if held.ends_modes() && self.modes.active().is_some() {
+            let why =
+                if held == Held::ByHand { "the operator drives by hand" } else { "the vehicle is held" };
+            self.end_mode(why, ports, params, cx);
         }
         let now = cx.now();
         let Some(path_at) = self.path_at else {
@@ -200,10 +202,8 @@ impl Process for WaypointFollower {
             cx.fault(format!("map: {error}"));
             return self.stand(ports, format!("the map cannot be used: {error}"), cx);
         }
-        let mode = match held {
-            Held::ByEmergency => None,
-            Held::Not | Held::Otherwise => self.choose_mode(ports, params, &vehicle, pressed, cx),
-        };
+        let mode =
+            if held.ends_modes() { None } else { self.choose_mode(ports, params, &vehicle, pressed, cx) };
         self.act(ports, params, &vehicle, mode.as_ref(), held, cx);
     }
 

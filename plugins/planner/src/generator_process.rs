@@ -448,7 +448,7 @@ impl WaypointGenerator {
         let by_m = self.jumped_m(global_from_local);
         if by_m > params.jump_m {
             return Some(format!(
-                "the goal has jumped by {by_m:.1} m in the local frame: stands until it is back, RUN or GO_TO"
+                "the goal has jumped by {by_m:.1} m in the local frame: stands until it is back, RUN or another goal"
             ));
         }
         let (error_m, limit_m) = (self.error_m, params.max_error_m);

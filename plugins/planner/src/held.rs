@@ -13,6 +13,8 @@ const OWN_REASONS: [&str; 3] = [stop_reason::BUMPER, stop_reason::NO_COMMAND, st
 pub(crate) enum Held {
     Not,
     Otherwise,
+    /// The operator drives it by hand: no mode drives it, nor bars a place.
+    ByHand,
     ByEmergency,
 }
 
@@ -23,11 +25,17 @@ impl Held {
         let is_held = vehicle.stopped && !OWN_REASONS.contains(&vehicle.stop_reason.as_str());
         // 0 where the vehicle states no limit.
         let is_slow = vehicle.max_speed_mps > 0.0 && vehicle.max_speed_mps < min_speed_mps;
-        match (vehicle.emergency_stopped, is_held || is_slow || vehicle.teleoperated) {
-            (true, _) => Held::ByEmergency,
-            (false, true) => Held::Otherwise,
-            (false, false) => Held::Not,
+        match vehicle {
+            _ if vehicle.emergency_stopped => Held::ByEmergency,
+            _ if vehicle.teleoperated => Held::ByHand,
+            _ if is_held || is_slow => Held::Otherwise,
+            _ => Held::Not,
         }
+    }
+
+    /// Whether no mode may be active meanwhile.
+    pub(crate) fn ends_modes(self) -> bool {
+        matches!(self, Held::ByHand | Held::ByEmergency)
     }
 }
 
@@ -49,12 +57,8 @@ mod tests {
         assert_eq!(held(&status(stop_reason::BUMPER, false)), Held::Not);
         assert_eq!(held(&status("imu silent for 1.0 s", false)), Held::Otherwise);
         assert_eq!(held(&status("the speed limit is 0 m/s", false)), Held::Otherwise);
-        assert_eq!(held(&status("", true)), Held::Otherwise);
-        assert_eq!(
-            held(&status(stop_reason::BUMPER, true)),
-            Held::Otherwise,
-            "the operator touches something"
-        );
+        assert_eq!(held(&status("", true)), Held::ByHand);
+        assert_eq!(held(&status(stop_reason::BUMPER, true)), Held::ByHand, "the operator touches something");
         let stopped = VehicleStatus { emergency_stopped: true, ..status("emergency stop: a person", false) };
         assert_eq!(held(&stopped), Held::ByEmergency);
         let slow = VehicleStatus { max_speed_mps: 0.1, ..VehicleStatus::default() };

@@ -164,15 +164,14 @@ impl Planner {
         }
         let found = self.search.path(&costs, start, end, rules.unknown, &mut self.path);
         let is_closed = found == Err(NoPath::NotConnected);
-        if is_closed && !task.is_passed && (is_blocked || is_inside_obstacle(&costs, end, task)) {
+        let is_inside = is_closed && !task.is_passed && is_inside_obstacle(&costs, end, task);
+        if is_inside || (is_closed && !task.is_passed && is_blocked) {
             let is_reached = |place: Place| self.search.has_reached(place);
             let free = Terrain::nearest_free(sensed, &costs, goal, approach_m, is_reached);
-            end = free.ok_or_else(|| {
-                if is_inside_obstacle(&costs, end, task) {
-                    NoPlan::GoalBlocked { goal, within_m: approach_m }
-                } else {
-                    NoPlan::NoPath(NoPath::NotConnected)
-                }
+            end = free.ok_or(if is_inside {
+                NoPlan::GoalBlocked { goal, within_m: approach_m }
+            } else {
+                NoPlan::NoPath(NoPath::NotConnected)
             })?;
             short_of_goal_m = sensed.centre(end).distance(goal);
             self.search.path(&costs, start, end, rules.unknown, &mut self.path).map_err(NoPlan::NoPath)?;

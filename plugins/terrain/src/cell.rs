@@ -1,5 +1,6 @@
 //! A cell of the learning map, what is known of it, and what the models that it joins gain from it: each point and each
-//! experience once.
+//! experience once. Of what the operator outlines, a model learns a few cells only, so a cell may have experience of which its
+//! model knows nothing: then it is judged by itself.
 
 use crate::judgement::{Judgement, SURE};
 use crate::models::{Lesson, Model, ModelRules, Terrain};
@@ -81,13 +82,14 @@ pub(crate) fn judgement(
     is_low: bool,
     rules: &ModelRules,
 ) -> Option<Judgement> {
-    let numbered = numbered.filter(|(_, model)| cell.is_part || model.terrain.experience() > 0);
+    let has_experience = cell.terrain.experience() > 0;
+    let judges = |model: &Model| model.terrain.experience() > 0 || (cell.is_part && !has_experience);
+    let numbered = numbered.filter(|(_, model)| judges(model));
     let model = numbered.map(|(_, model)| model);
     let fraction = match model {
         Some(model) => model.obstacle_fraction()?,
         None => cell.terrain.obstacle_fraction(1)?,
     };
-    let has_experience = cell.terrain.experience() > 0;
     let backing =
         if has_experience { 1.0 } else { model.map_or(0.0, |model| model.backing(&cell.terrain, is_low)) };
     let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;

@@ -552,3 +552,21 @@ fn what_was_driven_over_before_it_was_seen_reaches_its_model_once_and_whole() {
     let of_models: Vec<u64> = map.models.models.iter().map(|model| model.terrain.driven).collect();
     assert_eq!(of_models, [driven, driven], "its look from afar, and that from near");
 }
+
+#[test]
+fn each_cell_of_an_outline_stays_an_obstacle_also_where_its_look_is_that_of_no_model_which_learned_it() {
+    let mut map = empty();
+    let cells = |rows: std::ops::Range<i64>| rows.flat_map(|y| (0..6).map(move |x| place(25 + x, y)));
+    let seen = |map: &mut TerrainMap, rows: std::ops::Range<i64>, texture: u16| {
+        let points: Vec<_> = cells(rows).map(|at| (at, terrain(texture, 100, 0))).collect();
+        map.learn(&points, &RULES);
+    };
+    // Of the 36 cells, twelve are grass that was seen; the others are seen later, and look different.
+    seen(&mut map, 0..2, 7);
+    map.mark(&square(), Experience::Bumped, 30.0, &RULES);
+    seen(&mut map, 2..6, 0o70007);
+    for (index, cell) in map.iter() {
+        assert!(cell.is_part && cell.terrain.bumped == 30);
+        assert!(cost(&map, index) > 125, "{index:?}: {}", cost(&map, index));
+    }
+}

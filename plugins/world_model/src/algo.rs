@@ -1,9 +1,13 @@
 //! Conversion of cost maps to votes (Albus 2006a, 4, Albus 2006b, 3.4).
 
-use crate::resample::{Resampled, is_finer, partly_unknown, resampled};
+use crate::resample::{Resampled, is_finer, resampled};
 use rcs_geom::{CellIndex, CellRect, DVec2};
 use rcs_msg::{Stamp, foxglove::Grid};
-use rcs_world::{GridView, GridViewError, Map, OBSTACLE_COST, Source, SourceKind, VoteRule};
+use rcs_world::{GridView, GridViewError, Label, Map, OBSTACLE_COST, Source, SourceKind, VoteRule};
+
+/// Least share of a larger cell of the map that a touch must know to free it, and to free one in which something was hit.
+const DRIVEN_SHARE: f64 = 0.5;
+const HIT_SHARE: f64 = 0.75;
 
 /// Properties common to all votes of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,18 +50,21 @@ pub struct Taken {
 /// saw before loses confidence ([`Map::missed`]): else one frame that takes ground for a known obstacle would stay.
 ///
 /// Where the cells of a touch ([`SourceKind::Override`]) are smaller than the map's, one that is below the cost of an
-/// obstacle says nothing unless the touch knows all of the map's cell: what it has driven over in part may be blocked in
-/// the other.
+/// obstacle says nothing unless the touch knows half of the map's cell, and three quarters of one in which something was
+/// hit: what was driven over in part may be blocked in the other.
 ///
 /// Heights are taken where the message has them (`ground.mean` and the others of [`Map::to_grid`]).
 pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, GridViewError> {
     let Resampled { mut cells, is_state, outside } = resampled(grid, origin.source, map.grid())?;
     let view = GridView::new(grid)?;
     if origin.kind == SourceKind::Override && is_finer(&view, map.grid()) {
-        let whole = window_of(&view, map);
-        let partly = partly_unknown(grid, origin.source, map.grid())?;
-        let is_known = |cell: CellIndex| whole.contains(cell) && !partly.contains(&cell);
-        cells.retain(|sensed| sensed.vote.cost >= OBSTACLE_COST || is_known(sensed.cell));
+        let cell_size_m = map.grid().cell_size_m();
+        let share_of_one = view.cell_size_m().element_product() / (cell_size_m * cell_size_m);
+        cells.retain(|sensed| {
+            let was_hit = Label::of_cost(map.evidence(origin.source, sensed.cell).cost) == Label::Obstacle;
+            let least = if was_hit { HIT_SHARE } else { DRIVEN_SHARE };
+            sensed.vote.cost >= OBSTACLE_COST || f64::from(sensed.count) * share_of_one > least - 1e-6
+        });
     }
     cells.retain(|sensed| {
         let is_backed = sensed.vote.backing >= origin.least_backing;
@@ -291,30 +298,67 @@ mod tests {
     }
 
     #[test]
-    fn a_touch_frees_a_cell_that_is_larger_than_its_own_only_where_it_has_driven_over_all_of_it() {
+    fn a_touch_frees_a_larger_cell_where_it_has_driven_over_half_of_it_and_more_where_something_was_hit() {
         let at = |x: f64, y: f64| DVec2::new(x, y);
+        let all = [at(0.1, 0.1), at(0.3, 0.1), at(0.1, 0.3), at(0.3, 0.3)].map(|place| (place, 0));
         let touch = |map: &mut Map, kind: SourceKind, costs: &[(DVec2, u8)]| {
             let message = grid(DVec2::ZERO, Source::BUMPER, costs);
             take(map, &message, &VoteOrigin { kind, ..origin(Source::BUMPER, 1) }).unwrap();
             map.evidence(Source::BUMPER, map.grid().cell_at(at(0.1, 0.1)).unwrap()).cost
         };
         let empty = |cell_size_m: f64| Map::new(cell_size_m).unwrap();
-        let all = [at(0.1, 0.1), at(0.3, 0.1), at(0.1, 0.3), at(0.3, 0.3)].map(|place| (place, 0));
-        let (part, hit) = (&all[..3], [(at(0.1, 0.3), 250), (at(0.1, 0.1), 0)]);
-        assert_eq!(touch(&mut empty(0.4), SourceKind::Override, &all), 0);
-        assert_eq!(touch(&mut empty(0.4), SourceKind::Override, part), UNKNOWN_COST);
-        assert_eq!(touch(&mut empty(0.4), SourceKind::Range, part), 0, "a sensor that sees a part of it");
-        assert_eq!(touch(&mut empty(0.2), SourceKind::Override, part), 0, "each cell by itself");
-        // Driving over a part of it does not free what was hit in the other.
+        let touched = |cell_size_m, kind, count| touch(&mut empty(cell_size_m), kind, &all[..count]);
+        let driven: Vec<u8> = (1..=4).map(|count| touched(0.4, SourceKind::Override, count)).collect();
+        assert_eq!(driven, [UNKNOWN_COST, 0, 0, 0]);
+        assert_eq!(touched(0.4, SourceKind::Range, 1), 0, "a sensor that sees a part of it");
+        assert_eq!(touched(0.2, SourceKind::Override, 1), 0, "each cell by itself");
+        // Half of it under the vehicle does not free what was hit in the other half; driving over more does.
         let mut map = empty(0.4);
-        assert_eq!(touch(&mut map, SourceKind::Override, &hit), 250);
+        assert_eq!(touch(&mut map, SourceKind::Override, &[(at(0.1, 0.3), 250), all[0], all[1]]), 250);
         for _ in 0..9 {
-            assert_eq!(touch(&mut map, SourceKind::Override, part), 250);
+            assert_eq!(touch(&mut map, SourceKind::Override, &all[..2]), 250);
         }
-        // A cell of which a part lies outside of the cost map.
-        let edge = [(at(20.1, 0.1), 0), (at(20.1, 0.3), 0)];
-        let mut map = empty(0.4);
-        touch(&mut map, SourceKind::Override, &edge);
-        assert_eq!(map.evidence(Source::BUMPER, map.grid().cell_at(edge[0].0).unwrap()), Evidence::NONE);
+        for _ in 0..9 {
+            touch(&mut map, SourceKind::Override, &all[..3]);
+        }
+        assert_eq!(touch(&mut map, SourceKind::Override, &all[..3]), 0);
+    }
+
+    #[test]
+    fn what_is_driven_over_is_one_way_on_larger_cells_whatever_its_direction() {
+        for heading_deg in [0.0_f64, 5.0, 20.0, 45.0, 80.0] {
+            let mut map = Map::new(0.4).unwrap();
+            let along = DVec2::from_angle(heading_deg.to_radians());
+            // A body of 0.6 m by 1 m, each 0.1 m of 10 m.
+            for step in 0..100 {
+                let middle = along * (f64::from(step) * 0.1) + DVec2::new(0.07, 0.13);
+                let places =
+                    (-5..=5).flat_map(|x| (-5..=5).map(move |y| DVec2::new(x.into(), y.into()) * 0.2));
+                let first = map.grid().middle_of(map.grid().cell_at(middle).unwrap());
+                let middles = places.map(|offset| first + DVec2::splat(0.1) + offset);
+                let is_under = |place: &DVec2| {
+                    let from = *place - middle;
+                    from.dot(along).abs() <= 0.5 && from.perp_dot(along).abs() <= 0.3
+                };
+                let driven: Vec<(DVec2, u8)> = middles.filter(is_under).map(|place| (place, 0)).collect();
+                let message = grid(DVec2::ZERO, Source::BUMPER, &driven);
+                let origin = VoteOrigin { kind: SourceKind::Override, ..origin(Source::BUMPER, step + 1) };
+                take(&mut map, &message, &origin).unwrap();
+            }
+            // From its beginning, steps over the sides of cells lead to its end.
+            let is_free = |cell: CellIndex| map.evidence(Source::BUMPER, cell).cost == 0;
+            let cell_at =
+                |along_m: f64| map.grid().cell_at(along * along_m + DVec2::new(0.07, 0.13)).unwrap();
+            let mut reached = vec![cell_at(0.5)];
+            let mut next = 0;
+            while let Some(&cell) = reached.get(next) {
+                next += 1;
+                let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(x, y)| cell.offset(x, y));
+                let new: Vec<_> =
+                    beside.into_iter().filter(|c| is_free(*c) && !reached.contains(c)).collect();
+                reached.extend(new);
+            }
+            assert!(reached.contains(&cell_at(9.0)), "{heading_deg} degrees: {} cells", reached.len());
+        }
     }
 }

@@ -3,7 +3,6 @@
 use rcs_geom::{CellIndex, CellRect, DVec2, DVec3, ScrollGrid};
 use rcs_msg::foxglove::Grid;
 use rcs_world::{Evidence, Field, GridView, GridViewError, HeightStats, MAX_COST, NumericType, Source, Vote};
-use std::collections::BTreeSet;
 
 /// What one message says about one cell of the receiving map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +15,8 @@ pub struct Sensed {
     pub confidence: u8,
     /// Heights of ground and of obstacles.
     pub heights: [HeightStats; 2],
+    /// Number of cells of the message with a cost that belong to it.
+    pub count: u32,
 }
 
 /// A message by cells of the receiving map.
@@ -74,6 +75,7 @@ pub fn resampled<T: Clone>(
             confidence: number(&confidence, u8::MAX),
             heights: [0, 1]
                 .map(|class| heights[class].as_ref().map(|h| h.get(column, row)).unwrap_or_default()),
+            count: 1,
         };
         let mut is_outside = true;
         for_each_target(&view, [column, row], is_large, grid, |cell| {
@@ -88,26 +90,6 @@ pub fn resampled<T: Clone>(
 /// Whether the cells of a message are smaller than those of a map.
 pub fn is_finer<T: Clone>(view: &GridView<'_>, grid: &ScrollGrid<T>) -> bool {
     view.cell_size_m().max_element() < grid.cell_size_m() * (1.0 - 1e-9)
-}
-
-/// The cells of the map in which the middle of a cell of the message lies that has no cost of the source; for a message
-/// whose cells are smaller than the map's.
-pub fn partly_unknown<T: Clone>(
-    message: &Grid,
-    source: Source,
-    grid: &ScrollGrid<T>,
-) -> Result<BTreeSet<CellIndex>, GridViewError> {
-    let view = GridView::new(message)?;
-    let mut costs_by_row = Vec::new();
-    view.field_of(&format!("cost.{source}"), NumericType::Uint8)?.bytes_into(&mut costs_by_row);
-    let mut partly = BTreeSet::new();
-    for (at, _) in costs_by_row.iter().enumerate().filter(|(_, cost)| **cost > MAX_COST) {
-        let place = [at % view.columns(), at / view.columns()];
-        for_each_target(&view, place, false, grid, |cell| {
-            partly.insert(cell);
-        });
-    }
-    Ok(partly)
 }
 
 impl Sensed {
@@ -187,6 +169,7 @@ impl Gathered {
             return;
         }
         let kept = &mut self.cells[*place as usize - 1];
+        kept.count += 1;
         for (kept, next) in kept.heights.iter_mut().zip(&sensed.heights) {
             kept.merge(next);
         }
@@ -195,7 +178,7 @@ impl Gathered {
             (cost, backing, sensed.confidence, worth)
         };
         if order(&sensed) > order(kept) {
-            *kept = Sensed { heights: kept.heights, ..sensed };
+            *kept = Sensed { heights: kept.heights, count: kept.count, ..sensed };
         }
     }
 

@@ -316,6 +316,7 @@ fn while_the_operator_drives_by_hand_it_is_not_stuck_and_goes_on_afterwards() {
     cycle(&mut bench, 0.0, 0.0, free, 12);
     teleoperate(&mut bench, true);
     cycle(&mut bench, 0.0, 0.0, free, 200);
+    slips_at(&mut bench, &Pose::IDENTITY, 0.9, 30);
     assert_eq!(bench.sent("/follower/modes"), 0, "{}", story(&bench));
     teleoperate(&mut bench, false);
     cycle(&mut bench, 0.0, 0.0, free, 12);
