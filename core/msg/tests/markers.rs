@@ -72,11 +72,15 @@ impl Writer {
     }
 
     fn doubles(&mut self, all: &[f64]) {
-        all.iter().for_each(|v| self.fixed(v.to_le_bytes()));
+        for v in all {
+            self.fixed(v.to_le_bytes());
+        }
     }
 
     fn floats(&mut self, all: &[f32]) {
-        all.iter().for_each(|v| self.fixed(v.to_le_bytes()));
+        for v in all {
+            self.fixed(v.to_le_bytes());
+        }
     }
 
     fn text(&mut self, text: &str) {
@@ -149,7 +153,9 @@ fn update(schema: &Schema, bytes: &Bytes) -> foxglove::SceneUpdate {
 fn array(markers: &[Marker]) -> foxglove::SceneUpdate {
     let mut writer = Writer(vec![0, 1, 0, 0]);
     writer.int(markers.len() as i32);
-    markers.iter().for_each(|marker| writer.marker(marker, false));
+    for marker in markers {
+        writer.marker(marker, false);
+    }
     update(&schema("visualization_msgs/msg/MarkerArray", HUMBLE), &writer.0.into())
 }
 

@@ -335,6 +335,9 @@ fn what_is_written_in_the_past_belongs_to_the_run_that_it_begins() {
     assert_eq!(frame.runs.current(), RunId(2));
     assert_eq!(written(&frame, 1), [(seconds(4.0), 10.0), (seconds(4.0), 20.0)]);
     assert_eq!(written(&frame, 2), [(seconds(4.0), 10.0)]);
+    assert_eq!((acts(&frame, 1), acts(&frame, 2)), (vec![seconds(4.0); 2], vec![seconds(4.0)]));
+    set_speed(&mut source, 20.0);
+    assert_eq!(acts(&source.frame(), 2), [seconds(4.0); 2], "written again, it is an act again");
 }
 
 #[test]

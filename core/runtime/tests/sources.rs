@@ -140,6 +140,37 @@ fn the_entities_of_a_moment_do_not_depend_on_the_way_there() {
 }
 
 #[test]
+fn entities_are_read_after_all_poses_and_a_frame_says_so() {
+    let update = AnyMessage::new(foxglove::SceneUpdate::default());
+    let pose = |x: f64| {
+        let position = Some(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+        let orientation = Some(foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 });
+        let pose = Some(foxglove::Pose { position, orientation });
+        AnyMessage::new(foxglove::PoseInFrame { timestamp: None, frame_id: "map".into(), pose })
+    };
+    let messages: Vec<(Stamp, &str, AnyMessage)> = (0..30_u32)
+        .flat_map(|second| {
+            let (at, x) = (seconds(f64::from(second)), f64::from(second));
+            [(at, "/scene", update.clone()), (at, "/pose", pose(x))]
+        })
+        .collect();
+    let messages = messages.iter().map(|(time, topic, message)| (*time, *topic, message));
+    let schemas =
+        [("/scene", schema_of::<foxglove::SceneUpdate>()), ("/pose", schema_of::<foxglove::PoseInFrame>())];
+    let log = rcs_testkit::logs::hand_made(&schemas, messages);
+    let mut source = LogSource::new(&log).unwrap();
+    source.seek(seconds(20.0), &Task::default()).unwrap();
+    let poses = |frame: &Frame| frame.tracks.first().map_or(0, |track| track.points.len());
+    while poses(&source.frame()) < 30 {
+        assert!(source.idle(), "all poses are read");
+    }
+    let has_all = |frame: &Frame| frame.has_all_entities(frame.topic("/scene").unwrap());
+    assert_eq!(has_all(&source.frame()), Some(false), "nothing of them has been read yet");
+    finish_idle(&mut source);
+    assert_eq!(has_all(&source.frame()), Some(true));
+}
+
+#[test]
 fn channels_with_one_name_that_are_read_alike_are_one_topic_with_the_newest_message_of_all() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");

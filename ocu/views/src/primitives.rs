@@ -37,6 +37,9 @@ pub(crate) struct PlacedEntities(pub(crate) Arc<[(Arc<Entity>, Pose)]>);
 /// Equal if they are the same entities at the same places.
 impl PartialEq for PlacedEntities {
     fn eq(&self, other: &Self) -> bool {
+        if Arc::ptr_eq(&self.0, &other.0) {
+            return true;
+        }
         let mut pairs = self.0.iter().zip(other.0.iter());
         self.0.len() == other.0.len() && pairs.all(|(a, b)| Arc::ptr_eq(&a.0, &b.0) && a.1 == b.1)
     }
@@ -53,10 +56,10 @@ impl PlacedEntities {
     }
 
     /// The texts and where they are.
-    pub(crate) fn texts(&self) -> Vec<Text> {
+    pub(crate) fn texts(&self) -> Vec<PlacedText> {
         let texts =
             self.0.iter().flat_map(|(entity, pose)| entity.content.texts.iter().map(move |t| (t, pose)));
-        texts.filter_map(|(text, pose)| Text::of(text, pose)).take(MOST_TEXTS).collect()
+        texts.filter_map(|(text, pose)| PlacedText::of(text, pose)).take(MOST_TEXTS).collect()
     }
 }
 
@@ -77,13 +80,13 @@ fn first_place(entity: &SceneEntity) -> Option<DVec3> {
 
 /// A text that faces the viewer.
 #[derive(Debug, PartialEq)]
-pub(crate) struct Text {
+pub(crate) struct PlacedText {
     pub(crate) at: DVec3,
     pub(crate) text: String,
     pub(crate) color: Color32,
 }
 
-impl Text {
+impl PlacedText {
     fn of(text: &TextPrimitive, frame: &Pose) -> Option<Self> {
         let at = (*frame * from_message(text.pose.as_ref()).ok()?).translation;
         let color = color_of(text.color.as_ref());

@@ -7,10 +7,12 @@ use rcs_msg::foxglove::{Color, CubePrimitive, CylinderPrimitive, ModelPrimitive,
 
 const RED: Option<Color> = Some(Color { r: 1.0, g: 0.0, b: 0.0, a: 1.0 });
 
+#[allow(clippy::unnecessary_wraps, reason = "fields of messages are optional")]
 fn at(x: f64, y: f64, z: f64) -> Option<foxglove::Pose> {
     Some(foxglove::Pose { position: Some(Vector3 { x, y, z }), orientation: None })
 }
 
+#[allow(clippy::unnecessary_wraps, reason = "fields of messages are optional")]
 fn size(x: f64, y: f64, z: f64) -> Option<Vector3> {
     Some(Vector3 { x, y, z })
 }
@@ -85,7 +87,7 @@ fn every_primitive_is_placed_by_its_pose_and_that_of_its_frame() {
         assert_eq!(cube.pose.translation, DVec3::new(10.0, 20.0, 1.0) - origin);
         assert_eq!(cube.reach(), DVec3::new(1.0, 2.0, 3.0));
     }
-    let text = Text { at: DVec3::new(10.0, 20.0, 1.0), text: "gate".to_owned(), color: Color32::RED };
+    let text = PlacedText { at: DVec3::new(10.0, 20.0, 1.0), text: "gate".to_owned(), color: Color32::RED };
     assert_eq!(placed.texts(), [text]);
 }
 

@@ -41,6 +41,7 @@ fn at(watch: &EntityWatch, second: u64, newest: u64) -> Option<Vec<(String, u64)
     Some(found.map(|entity| (entity.content.id.clone(), entity.from.0 / S)).collect())
 }
 
+#[allow(clippy::unnecessary_wraps, reason = "it is compared with an option")]
 fn known(expect: &[(&str, u64)]) -> Option<Vec<(String, u64)>> {
     Some(expect.iter().map(|(id, from)| ((*id).to_owned(), *from)).collect())
 }
@@ -79,7 +80,7 @@ fn what_has_not_been_read_yet_is_not_known() {
 fn a_run_that_branches_begins_with_the_entities_of_its_moment() {
     let parent =
         watch([(1, adds(&[("a", 0), ("b", 0)])), (3, adds(&[("a", 0)])), (4, deletes(Deletion::All, ""))]);
-    let mut child = parent.fork(Stamp(2 * S));
+    let mut child = parent.fork(Written { time: Stamp(2 * S), messages: 1 });
     child.look(&"/scene".into(), Stamp(5 * S), &AnyMessage::new(adds(&[("b", 0)])));
     assert_eq!(at(&child, 4, 1), known(&[("a", 1), ("b", 1)]));
     assert_eq!(at(&child, 5, 5), known(&[("a", 1), ("b", 5)]));
@@ -104,14 +105,14 @@ fn where_there_are_too_many_entities_the_later_ones_are_left_out_and_counted() {
 #[test]
 fn where_memory_ends_the_oldest_are_forgotten_and_the_newest_are_right() {
     let big = |id: u64| {
-        let points = vec![Point3::default(); 100_000];
+        let points = vec![Point3 { x: id as f64, ..Point3::default() }; 100_000];
         let lines = vec![LinePrimitive { points, ..LinePrimitive::default() }];
         let content = SceneEntity { lines, ..entity(if id.is_multiple_of(2) { "even" } else { "odd" }, 0) };
         SceneUpdate { entities: vec![content], ..SceneUpdate::default() }
     };
     let watch = watch((1..100).map(|second| (second, big(second))));
     let all = watch.read(RunTag::Recorded, Stamp(0)).next().unwrap();
-    let bytes: usize = all.store().versions.iter().map(|version| version.size).sum();
+    let bytes = bytes_of(&all.store().versions);
     assert!(bytes <= MOST_BYTES && all.left_out() == 0, "{bytes}");
     for second in [90_u64, 99] {
         let expect =
@@ -119,6 +120,120 @@ fn where_memory_ends_the_oldest_are_forgotten_and_the_newest_are_right() {
         assert_eq!(at(&watch, second, second), known(&expect));
     }
     assert_eq!(at(&watch, 5, 5), None, "forgotten");
+}
+
+/// Entities of ids that come only once, which live for a second. The content of each takes about so many bytes.
+fn passing(second: u64, count: usize, bytes: usize) -> SceneUpdate {
+    let entity =
+        |index: usize| SceneEntity { frame_id: "f".repeat(bytes), ..entity(&format!("{second} {index}"), 1) };
+    SceneUpdate { entities: (0..count).map(entity).collect(), ..SceneUpdate::default() }
+}
+
+#[test]
+fn what_has_expired_takes_no_room_from_what_lives_after_something_was_forgotten() {
+    // Memory is full about every fourth message, when more entities are kept than may exist at one moment.
+    let watch = watch((0..12).map(|step| (2 * step, passing(2 * step, 11_000, 700))));
+    let growing = &watch.0["/scene"];
+    let store = read(&growing.store);
+    assert!(store.complete_from > Stamp(0), "something was forgotten");
+    assert_eq!(store.left_out, 0);
+    let is_open = |index: &usize| store.versions.get(*index).is_some();
+    assert!(growing.open.len() <= MOST_ENTITIES && growing.open.values().all(is_open));
+    drop(store);
+    assert_eq!(at(&watch, 22, 22).unwrap().len(), 11_000);
+}
+
+#[test]
+fn a_look_up_finds_what_a_search_of_all_versions_finds() {
+    let mut all = EntityWatch::default();
+    for step in 0..600_u64 {
+        let [a, b, c] = [5, 11, 301].map(|modulus| (step * 7 % modulus).to_string());
+        let mut update = adds(&[(a.as_str(), 0), (b.as_str(), 3), (c.as_str(), 40)]);
+        if step.is_multiple_of(97) {
+            update.deletions.push(deletion(Deletion::All, ""));
+        } else if step.is_multiple_of(13) {
+            update.deletions.push(deletion(Deletion::MatchingId, &a));
+        }
+        all.look(&"/scene".into(), Stamp(step * S), &AnyMessage::new(update));
+    }
+    let mut growing = all.0.remove("/scene").unwrap();
+    for forgets in [false, true] {
+        if forgets {
+            growing.forget(Stamp(600 * S));
+        }
+        let store = read(&growing.store);
+        for at in (0..700).step_by(9).map(|second| Stamp(second * S)) {
+            let exists = |version: &&Version| version.from <= at && at < version.end;
+            let reference = store.versions.iter().filter(exists).map(|version| Arc::clone(&version.entity));
+            assert_eq!(store.existing_at(at), reference.collect::<Vec<_>>(), "at {at}");
+        }
+        for (id, index) in &growing.open {
+            assert_eq!(store.versions[*index].entity.content.id, *id);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_forgotten_is_not_looked_for_again_before_enough_has_ended() {
+    // Nothing of this ends.
+    let forever = |from: usize, count: usize| {
+        let entities = (from..from + count)
+            .map(|id| SceneEntity { frame_id: "f".repeat(6_000), ..entity(&id.to_string(), 0) });
+        SceneUpdate { entities: entities.collect(), ..SceneUpdate::default() }
+    };
+    let mut all = watch([(1, forever(0, 12_000)), (2, forever(12_000, 1))]);
+    let is_in_vain = |all: &EntityWatch| {
+        let (from, count) = all.0["/scene"].in_vain;
+        from == Stamp::MAX && count > 0
+    };
+    assert!(is_in_vain(&all));
+    assert!(all.read(RunTag::Recorded, Stamp(0)).next().unwrap().left_out() > 1_000);
+    all.look(&"/scene".into(), Stamp(3 * S), &AnyMessage::new(deletes(Deletion::All, "")));
+    assert!(!is_in_vain(&all), "all of it has ended");
+    all.look(&"/scene".into(), Stamp(4 * S), &AnyMessage::new(forever(0, 100)));
+    assert_eq!(at(&all, 4, 4).unwrap().len(), 100);
+}
+
+#[test]
+fn content_that_is_sent_again_is_kept_once() {
+    let stamped = |second: u64, kind: &str| {
+        let metadata = vec![rcs_msg::foxglove::KeyValuePair { key: kind.to_owned(), value: String::new() }];
+        let timestamp = Some(Stamp(second * S).to_proto());
+        SceneEntity { timestamp, metadata, ..entity("a", 0) }
+    };
+    let update = |entity: SceneEntity, deletes_all: bool| SceneUpdate {
+        deletions: deletes_all.then(|| deletion(Deletion::All, "")).into_iter().collect(),
+        entities: vec![entity],
+    };
+    let watch = watch([
+        (1, update(stamped(1, "cube"), false)),
+        (2, update(stamped(2, "cube"), false)),
+        (3, update(stamped(3, "cube"), true)),
+        (4, update(stamped(4, "sphere"), false)),
+    ]);
+    let store = read(&watch.0["/scene"].store);
+    let entities: Vec<&Arc<Entity>> = store.versions.iter().map(|version| &version.entity).collect();
+    let is_shared = |a: usize, b: usize| Arc::ptr_eq(&entities[a].content, &entities[b].content);
+    assert_eq!([is_shared(0, 1), is_shared(1, 2), is_shared(2, 3)], [true, true, false]);
+    let stamps: Vec<_> = entities.iter().map(|entity| entity.stamp.unwrap().0 / S).collect();
+    assert_eq!(stamps, [1, 2, 3, 4]);
+    assert_eq!(watch.0["/scene"].bytes, bytes_of(&store.versions));
+    assert_eq!(watch.0["/scene"].bytes, 4 * EACH + size(&entities[0].content) + size(&entities[3].content));
+}
+
+#[test]
+fn a_run_that_branches_where_its_parent_has_forgotten_knows_nothing_until_everything_is_deleted() {
+    let parent = watch((0..12).map(|step| (2 * step, passing(2 * step, 11_000, 700))));
+    let complete_from = read(&parent.0["/scene"].store).complete_from;
+    assert!(complete_from > Stamp(3 * S));
+    let mut child = parent.fork(Written { time: Stamp(3 * S), messages: 0 });
+    child.look(&"/scene".into(), complete_from.after_ns(S), &AnyMessage::new(adds(&[("a", 0)])));
+    let second = complete_from.0 / S;
+    assert_eq!(at(&child, second + 2, second), None);
+    let all = SceneUpdate { deletions: vec![deletion(Deletion::All, "")], ..adds(&[("b", 0)]) };
+    child.look(&"/scene".into(), Stamp((second + 3) * S), &AnyMessage::new(all));
+    assert_eq!(at(&child, second + 3, second + 3), known(&[("b", second + 3)]));
+    assert_eq!(at(&parent.fork(Written { time: Stamp(23 * S), messages: 0 }), 23, 22), known(&[]));
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! frame more expensive.
 
 use super::known::Known;
-use super::per_run::Gathered;
+use super::per_run::{Gathered, Written};
 use super::run_tag::RunTag;
 use rcs_msg::rcs::r#override::Mode;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
@@ -241,6 +241,11 @@ impl Events {
 pub(crate) struct EventWatch {
     store: Arc<RwLock<Store>>,
     known: BTreeMap<Arc<str>, Known>,
+    /// For each event, the number of messages of the run up to the one in which it was found. Empty for a recording, from
+    /// which no run branches.
+    found_at: Vec<u64>,
+    /// Number of messages of the run up to the one that was taken last; 0 for a recording.
+    messages: u64,
 }
 
 impl Gathered for EventWatch {
@@ -248,16 +253,24 @@ impl Gathered for EventWatch {
         is_event_type(type_name)
     }
 
-    fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage) {
-        self.look(topic, log_time, message);
+    fn take(&mut self, topic: &Arc<str>, at: Written, message: &AnyMessage) {
+        self.messages = at.messages;
+        self.look(topic, at.time, message);
+        let events = self.store.read().unwrap_or_else(PoisonError::into_inner).all.len();
+        self.found_at.resize(events, at.messages);
     }
 
-    fn fork(&self, time: Stamp) -> Self {
+    fn fork(&self, at: Written) -> Self {
+        let shared = self.found_at.partition_point(|&messages| messages <= at.messages);
         let store = self.store.read().unwrap_or_else(PoisonError::into_inner);
-        let shared = store.all.iter().take_while(|event| event.stamp <= time).cloned();
-        let events = Events::of(RunTag::FIRST, shared);
-        let known = self.known.iter().map(|(topic, known)| (Arc::clone(topic), known.fork(time)));
-        Self { store: events.store, known: known.collect() }
+        let events = Events::of(RunTag::FIRST, store.all.iter().take(shared).cloned());
+        let known = self.known.iter().map(|(topic, known)| (Arc::clone(topic), known.fork(at)));
+        Self {
+            store: events.store,
+            known: known.collect(),
+            found_at: self.found_at[..shared].to_vec(),
+            messages: at.messages,
+        }
     }
 }
 
@@ -270,25 +283,26 @@ impl EventWatch {
 
     /// Looks for events in a canonical message on `topic`.
     pub(crate) fn look(&mut self, topic: &Arc<str>, stamp: Stamp, message: &AnyMessage) {
+        let at = Written { time: stamp, messages: self.messages };
         let known = self.known.entry(Arc::clone(topic)).or_default();
         let mut found = Vec::new();
         let mut add = |kind, level, source: &str, text: String| {
             found.push(Event { stamp, kind, level, source: source.into(), text: text.into() });
         };
         if let Some(status) = message.get::<rcs::Status>() {
-            status_events(known, stamp, status, &mut add);
+            status_events(known, at, status, &mut add);
         } else if let Some(command) = message.get::<rcs::Command>() {
-            if known.serial.set(stamp, command.serial) {
+            if known.serial.set(at, command.serial) {
                 let text = format!("{} ({})", command.name, command.serial);
                 add(EventKind::Command, EventLevel::Info, topic, text);
             }
         } else if let Some(stop) = message.get::<rcs::EmergencyStop>() {
-            if known.is_stopped.set(stamp, stop.active) {
+            if known.is_stopped.set(at, stop.active) {
                 let text = if stop.active { "emergency stop" } else { "the emergency stop is released" };
                 add(EventKind::Operator, EventLevel::Warning, topic, text.to_owned());
             }
         } else if let Some(event) = message.get::<rcs::JournalEvent>() {
-            journal_events(known, stamp, event, &mut add);
+            journal_events(known, at, event, &mut add);
         } else if let Some(status) = message.get::<rcs::VehicleStatus>() {
             if status.refused > known.refusals.get().copied().unwrap_or(0) {
                 add(
@@ -298,10 +312,10 @@ impl EventWatch {
                     format!("refused: {}", status.last_refusal),
                 );
             }
-            known.refusals.set(stamp, status.refused);
-            bumper_events(known, stamp, [status.bumper_left, status.bumper_right], topic, &mut add);
+            known.refusals.set(at, status.refused);
+            bumper_events(known, at, [status.bumper_left, status.bumper_right], topic, &mut add);
         } else if let Some(bumper) = message.get::<rcs::Bumper>() {
-            bumper_events(known, stamp, [bumper.left, bumper.right], topic, &mut add);
+            bumper_events(known, at, [bumper.left, bumper.right], topic, &mut add);
         } else if let Some(log) = message.get::<foxglove::Log>() {
             let level = match log.level() {
                 foxglove::log::Level::Error | foxglove::log::Level::Fatal => EventLevel::Error,
@@ -322,7 +336,7 @@ impl EventWatch {
 
 fn status_events(
     known: &mut Known,
-    stamp: Stamp,
+    at: Written,
     status: &rcs::Status,
     add: &mut impl FnMut(EventKind, EventLevel, &str, String),
 ) {
@@ -335,9 +349,9 @@ fn status_events(
     if !known.texts.contains_key(&text) && known.texts.len() >= MOST_TEXTS {
         known.texts.clear();
     }
-    let is_said = known.texts.entry(text).or_default().goes_on(stamp, QUIET_S);
+    let is_said = known.texts.entry(text).or_default().goes_on(at, QUIET_S);
     if !same || !is_said {
-        known.state.set(stamp, (status.state, status.command.clone()));
+        known.state.set(at, (status.state, status.command.clone()));
         let word = status.state().as_str_name();
         let is_error = status.state() == rcs::ProcessState::Error;
         let line = [word, &status.command, &status.state_text].into_iter().filter(|part| !part.is_empty());
@@ -355,11 +369,11 @@ fn status_events(
             let text = format!("{} inputs not used: {}", status.faults, status.last_fault);
             add(EventKind::Error, EventLevel::Warning, &status.process, text);
         }
-        known.faults.set(stamp, status.faults);
+        known.faults.set(at, status.faults);
     }
     if let Some(refused) = status.refused.as_ref().filter(|refused| !refused.no_authority) {
         let this = (refused.writer.clone(), refused.serial, refused.command.clone());
-        if known.refused.set(stamp, this) {
+        if known.refused.set(at, this) {
             let text = format!("refused {} of {}: {}", refused.command, refused.writer, refused.reason);
             add(EventKind::Error, EventLevel::Warning, &status.process, text);
         }
@@ -368,7 +382,7 @@ fn status_events(
 
 fn journal_events(
     known: &mut Known,
-    stamp: Stamp,
+    at: Written,
     event: &rcs::JournalEvent,
     add: &mut impl FnMut(EventKind, EventLevel, &str, String),
 ) {
@@ -379,7 +393,7 @@ fn journal_events(
         // Found in the buffers themselves.
         "rcs.EmergencyStop" | "rcs.Command" => return,
         "rcs.DriveCommand" => {
-            if known.driven.goes_on(stamp, HAND_S) {
+            if known.driven.goes_on(at, HAND_S) {
                 return;
             }
             "drives by hand".to_owned()
@@ -409,7 +423,7 @@ fn overridden(change: &rcs::Override) -> String {
 
 fn bumper_events(
     known: &mut Known,
-    stamp: Stamp,
+    at: Written,
     now: [bool; 2],
     topic: &str,
     add: &mut impl FnMut(EventKind, EventLevel, &str, String),
@@ -420,7 +434,7 @@ fn bumper_events(
             add(EventKind::Bumper, EventLevel::Warning, topic, format!("bumper hit, {name}"));
         }
     }
-    known.bumper.set(stamp, now);
+    known.bumper.set(at, now);
 }
 
 /// The text of a state without its numbers, which change while the state does not.

@@ -13,6 +13,11 @@ fn status(state: rcs::ProcessState, text: &str, faults: u64) -> AnyMessage {
     })
 }
 
+/// Takes the next message of a run.
+fn take(watch: &mut EventWatch, topic: &Arc<str>, time: Stamp, message: &AnyMessage) {
+    watch.take(topic, Written { time, messages: watch.messages + 1 }, message);
+}
+
 fn texts(events: &Events) -> Vec<String> {
     let mut texts = Vec::new();
     events.each_from(0, |_, event| texts.push(format!("{} {}", event.kind.name(), event.text)));
@@ -34,7 +39,7 @@ fn only_changes_of_a_state_are_events_and_numbers_in_its_text_are_none() {
         status(rcs::ProcessState::Error, "", 3),
     ];
     for (second, message) in (0_u64..).zip(&messages) {
-        watch.take(&topic, Stamp(second * 1_000_000_000), message);
+        take(&mut watch, &topic, Stamp(second * 1_000_000_000), message);
     }
     let events = watch.read(RunTag::FIRST);
     assert_eq!(
@@ -47,7 +52,7 @@ fn only_changes_of_a_state_are_events_and_numbers_in_its_text_are_none() {
             "errors ERROR · RUN",
         ]
     );
-    let fork = watch.fork(Stamp(3_000_000_000)).read(RunTag::FIRST);
+    let fork = watch.fork(Written { time: Stamp(3_000_000_000), messages: 4 }).read(RunTag::FIRST);
     assert_eq!(fork.len(), 3);
     assert!(!fork.same(&events));
 }
@@ -60,25 +65,60 @@ fn a_branch_begins_with_what_was_known_where_it_leaves_its_parent() {
     let pressed = |left| AnyMessage::new(rcs::Bumper { left, ..rcs::Bumper::default() });
     let stopped = |active| AnyMessage::new(rcs::EmergencyStop { active, ..rcs::EmergencyStop::default() });
     let mut parent = EventWatch::default();
-    parent.take(&stop, second(1), &stopped(false));
+    take(&mut parent, &stop, second(0), &stopped(false));
     for at in 0..=60 {
-        parent.take(&planner, second(at), &driving(if at < 40 { 1 } else { at }));
-        parent.take(&bumper, second(at), &pressed(at >= 30));
+        take(&mut parent, &planner, second(at), &driving(if at < 40 { 1 } else { at }));
+        take(&mut parent, &bumper, second(at), &pressed(at >= 30));
     }
-    parent.take(&stop, second(60), &stopped(true));
-    let mut branch = parent.fork(second(20));
+    take(&mut parent, &stop, second(60), &stopped(true));
+    // One of the stop, and two for each second up to that of the branch.
+    let mut branch = parent.fork(Written { time: second(20), messages: 1 + 2 * 21 });
     let shared = branch.read(RunTag::FIRST).len();
     // Nothing has changed since.
-    branch.take(&planner, second(21), &driving(1));
-    branch.take(&bumper, second(21), &pressed(false));
-    branch.take(&stop, second(21), &stopped(false));
+    take(&mut branch, &planner, second(21), &driving(1));
+    take(&mut branch, &bumper, second(21), &pressed(false));
+    take(&mut branch, &stop, second(21), &stopped(false));
     assert_eq!(branch.read(RunTag::FIRST).len(), shared);
-    branch.take(&planner, second(22), &driving(2));
-    branch.take(&bumper, second(22), &pressed(true));
-    branch.take(&stop, second(22), &stopped(true));
+    take(&mut branch, &planner, second(22), &driving(2));
+    take(&mut branch, &bumper, second(22), &pressed(true));
+    take(&mut branch, &stop, second(22), &stopped(true));
     let found = texts(&branch.read(RunTag::FIRST));
     let wanted = ["errors 2 inputs not used: ", "bumper bumper hit, left", "operator emergency stop"];
     assert_eq!(found[shared..], wanted);
+}
+
+#[test]
+fn a_branch_has_no_act_that_was_undone_and_the_next_one_is_an_event_again() {
+    let now = Stamp(5_000_000_000);
+    let [commands, stop, journal]: [Arc<str>; 3] =
+        ["/planner/command", "/stop", "/runtime/journal"].map(Into::into);
+    let command = |serial, name: &str| {
+        AnyMessage::new(rcs::Command { serial, name: name.into(), ..rcs::Command::default() })
+    };
+    let stopped = AnyMessage::new(rcs::EmergencyStop { active: true, ..rcs::EmergencyStop::default() });
+    let drive = AnyMessage::new(rcs::JournalEvent {
+        writer: OPERATOR.into(),
+        schema: "rcs.DriveCommand".into(),
+        ..rcs::JournalEvent::default()
+    });
+    let mut parent = EventWatch::default();
+    take(&mut parent, &commands, now, &command(1, "INIT"));
+    // What follows is undone: all of it was written at the time of the branch.
+    take(&mut parent, &commands, now, &command(2, "RUN"));
+    take(&mut parent, &stop, now, &stopped);
+    take(&mut parent, &journal, now, &drive);
+    let mut branch = parent.fork(Written { time: now, messages: 1 });
+    assert_eq!(texts(&branch.read(RunTag::FIRST)), ["commands INIT (1)"]);
+    take(&mut branch, &commands, now, &command(2, "HALT"));
+    take(&mut branch, &stop, now, &stopped);
+    take(&mut branch, &journal, now, &drive);
+    let wanted =
+        ["commands INIT (1)", "commands HALT (2)", "operator emergency stop", "operator drives by hand"];
+    assert_eq!(texts(&branch.read(RunTag::FIRST)), wanted);
+    assert_eq!(parent.read(RunTag::FIRST).len(), 4);
+    // A branch of the branch.
+    let next = branch.fork(Written { time: now, messages: 2 });
+    assert_eq!(texts(&next.read(RunTag::FIRST)), wanted[..2]);
 }
 
 #[test]
@@ -102,7 +142,7 @@ fn an_operator_who_drives_is_one_event_until_a_pause() {
             schema: "rcs.DriveCommand".into(),
             ..rcs::JournalEvent::default()
         };
-        watch.take(&journal, Stamp(tenth * 100_000_000), &AnyMessage::new(event));
+        take(&mut watch, &journal, Stamp(tenth * 100_000_000), &AnyMessage::new(event));
     }
     assert_eq!(watch.read(RunTag::FIRST).len(), 2);
 }

@@ -385,10 +385,22 @@ impl Frame {
     /// The entities of a topic that exist at this moment; those of its newest message alone where not all messages before
     /// it are known. They include entities whose lifetime has passed: see [`Entity::is_alive`].
     pub fn entities<'a>(&'a self, topic: &'a Topic) -> &'a [Arc<Entity>] {
-        let Some(newest) = &topic.latest else { return &[] };
-        let gathered = self.gathered(topic).filter(|gathered| gathered.now == self.now);
-        let found = gathered.and_then(|gathered| gathered.found(newest.header.log_time));
+        if topic.latest.is_none() {
+            return &[];
+        }
+        let found = self.gathered(topic).and_then(|gathered| self.found(topic, gathered));
         found.unwrap_or_else(|| topic.entities())
+    }
+
+    /// Whether [`Frame::entities()`] are all that exist at this moment, so that the newest message is not read for them;
+    /// if not, they are those of the newest message alone. `None` for a topic whose entities are not gathered.
+    pub fn has_all_entities(&self, topic: &Topic) -> Option<bool> {
+        Some(self.found(topic, self.gathered(topic)?).is_some())
+    }
+
+    fn found<'a>(&self, topic: &Topic, gathered: &'a Entities) -> Option<&'a [Arc<Entity>]> {
+        let newest = topic.latest.as_ref().filter(|_| gathered.now == self.now)?;
+        gathered.found(newest.header.log_time)
     }
 
     /// Number of entities of a topic that are nowhere shown, because too many others existed.

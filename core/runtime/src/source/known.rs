@@ -1,11 +1,12 @@
-//! What is known of a topic in which events are found, with the times at which it changed: a run that branches from
+//! What is known of a topic in which events are found, with the messages at which it changed: a run that branches from
 //! another one begins with what was known then, not with what became known later.
 
+use super::per_run::Written;
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 
-/// A value, with the times from which on it had this value and former ones.
-pub(super) struct Changes<T>(Vec<(Stamp, T)>);
+/// A value and the former ones, each with the number of messages of the run when it was set.
+pub(super) struct Changes<T>(Vec<(u64, T)>);
 
 impl<T> Default for Changes<T> {
     fn default() -> Self {
@@ -19,43 +20,44 @@ impl<T: Clone + PartialEq> Changes<T> {
         self.0.last().map(|(_, value)| value)
     }
 
-    /// Sets the value from `stamp` on. Whether it differs from the one before.
-    pub(super) fn set(&mut self, stamp: Stamp, value: T) -> bool {
+    /// Sets the value from `at` on. Whether it differs from the one before.
+    pub(super) fn set(&mut self, at: Written, value: T) -> bool {
         let differs = self.get() != Some(&value);
         if differs {
-            self.0.push((stamp, value));
+            self.0.push((at.messages, value));
         }
         differs
     }
 
-    fn fork(&self, time: Stamp) -> Self {
-        Self(self.0.iter().filter(|(from, _)| *from <= time).cloned().collect())
+    fn fork(&self, at: Written) -> Self {
+        Self(self.0.iter().filter(|(from, _)| *from <= at.messages).cloned().collect())
     }
 }
 
-/// The periods in which something was seen again and again: the first and the last time of each.
+/// The periods in which something was seen again and again: the number of messages of the run when each began, and the
+/// last time of each.
 #[derive(Default)]
-pub(super) struct Periods(Vec<(Stamp, Stamp)>);
+pub(super) struct Periods(Vec<(u64, Stamp)>);
 
 impl Periods {
-    /// It is seen at `stamp`. Whether it was also seen less than `gap_s` seconds before, so that the period goes on.
-    pub(super) fn goes_on(&mut self, stamp: Stamp, gap_s: f64) -> bool {
+    /// It is seen at `at`. Whether it was also seen less than `gap_s` seconds before, so that the period goes on.
+    pub(super) fn goes_on(&mut self, at: Written, gap_s: f64) -> bool {
         match self.0.last_mut() {
-            Some((_, last)) if stamp.seconds_since(*last) < gap_s => {
-                *last = stamp;
+            Some((_, last)) if at.time.seconds_since(*last) < gap_s => {
+                *last = at.time;
                 true
             }
             _ => {
-                self.0.push((stamp, stamp));
+                self.0.push((at.messages, at.time));
                 false
             }
         }
     }
 
-    /// A period that goes on at `time` counts as seen then.
-    fn fork(&self, time: Stamp) -> Self {
-        let before = self.0.iter().filter(|(first, _)| *first <= time);
-        Self(before.map(|&(first, last)| (first, last.min(time))).collect())
+    /// A period that goes on at `at` counts as seen then.
+    fn fork(&self, at: Written) -> Self {
+        let before = self.0.iter().filter(|(first, _)| *first <= at.messages);
+        Self(before.map(|&(first, last)| (first, last.min(at.time))).collect())
     }
 }
 
@@ -83,19 +85,19 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// What was known at `time`.
-    pub(super) fn fork(&self, time: Stamp) -> Self {
-        let texts = self.texts.iter().map(|(text, seen)| (text.clone(), seen.fork(time)));
+    /// What was known at `at`.
+    pub(super) fn fork(&self, at: Written) -> Self {
+        let texts = self.texts.iter().map(|(text, seen)| (text.clone(), seen.fork(at)));
         Self {
-            state: self.state.fork(time),
+            state: self.state.fork(at),
             texts: texts.filter(|(_, seen)| !seen.0.is_empty()).collect(),
-            faults: self.faults.fork(time),
-            refused: self.refused.fork(time),
-            serial: self.serial.fork(time),
-            is_stopped: self.is_stopped.fork(time),
-            refusals: self.refusals.fork(time),
-            bumper: self.bumper.fork(time),
-            driven: self.driven.fork(time),
+            faults: self.faults.fork(at),
+            refused: self.refused.fork(at),
+            serial: self.serial.fork(at),
+            is_stopped: self.is_stopped.fork(at),
+            refusals: self.refusals.fork(at),
+            bumper: self.bumper.fork(at),
+            driven: self.driven.fork(at),
         }
     }
 }

@@ -20,7 +20,7 @@ use rcs_log::{
 };
 use rcs_msg::channel::WRITER;
 use rcs_msg::{AnyMessage, Stamp, rcs};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -53,7 +53,8 @@ pub(crate) struct LogView {
     reassembly: Reassembly,
     cursor: Cursor,
     ahead: Option<LogMessage>,
-    background: Option<Cursor>,
+    /// What is read in the background, one after another: poses, transforms and events; then entities, which take longer.
+    background: VecDeque<Cursor>,
     fields: LogFields,
     tracks: Tracks,
     entities: EntityWatch,
@@ -109,16 +110,17 @@ impl LogView {
             topic.hz
         });
         let means = means.collect();
-        let is_read_whole = |name: &str| {
-            is_pose_type(name) || is_transform_type(name) || is_event_type(name) || is_scene_type(name)
+        let ids = |is_read: fn(&str) -> bool| -> Vec<TopicId> {
+            let is_read = |topic: &&LogTopic| rcs_msg::canonical_name(&topic.schema).is_some_and(is_read);
+            info.topics.iter().filter(is_read).map(|topic| topic.id).collect()
         };
-        let whole = info
-            .topics
-            .iter()
-            .filter(|topic| rcs_msg::canonical_name(&topic.schema).is_some_and(is_read_whole));
-        let background: Vec<TopicId> = whole.map(|topic| topic.id).collect();
-        let background = (!background.is_empty())
-            .then(|| log.cursor(CursorOptions { topics: Some(background), ..CursorOptions::default() }));
+        let first = ids(|name| is_pose_type(name) || is_transform_type(name) || is_event_type(name));
+        let background = [first, ids(is_scene_type)].into_iter().filter(|ids| !ids.is_empty());
+        let background = background
+            .map(|ids| log.cursor(CursorOptions { topics: Some(ids), ..CursorOptions::default() }))
+            .collect();
+        let scenes = topics.iter().filter(|topic| is_scene_type(topic.type_name()));
+        let entities = EntityWatch::of(scenes.map(|topic| Arc::clone(&topic.name)));
         Self {
             log: log.clone(),
             means,
@@ -132,7 +134,7 @@ impl LogView {
             background,
             fields: LogFields::default(),
             tracks: Tracks::default(),
-            entities: EntityWatch::default(),
+            entities,
             events: EventWatch::default(),
             shared_len: 0,
             shared_tree: Arc::default(),
@@ -275,9 +277,9 @@ impl LogView {
         self.fields.read()
     }
 
-    /// Reads poses, transforms, entities and events for a few milliseconds; `true` if some are left.
+    /// Reads poses, transforms, events and entities for a few milliseconds; `true` if some are left.
     pub(crate) fn idle(&mut self) -> bool {
-        let Some(cursor) = &mut self.background else {
+        let Some(cursor) = self.background.front_mut() else {
             let reads = self.fields.is_reading();
             if reads {
                 // Another thread reads; this one shows its progress.
@@ -306,7 +308,7 @@ impl LogView {
             }
         }
         if !more {
-            self.background = None;
+            self.background.pop_front();
         }
         // Sharing copies the transforms, so it is done when there are half as many more, and at the end.
         if !more || self.tracks.len() > self.shared_len + self.shared_len / 2 + 64 {
@@ -314,7 +316,7 @@ impl LogView {
             self.shared_tree = Arc::new(self.tracks.tree());
             self.shared_clock = Arc::new(self.tracks.clock());
         }
-        more || self.fields.is_reading()
+        more || !self.background.is_empty() || self.fields.is_reading()
     }
 
     /// The tracks of the log, as far as they have been read.

@@ -83,9 +83,9 @@ impl Gathering {
         let (runs, current) = (session.runs(), session.moment().run.0 as usize);
         // If a run has just begun, these are the numbers of messages that it shares with its parent.
         let shared: Vec<u64> = session.run().buffers().iter().map(|buffer| buffer.newest()).collect();
-        self.tracks.follow(&runs, current);
-        self.entities.follow(&runs, current);
-        self.events.follow(&runs, current);
+        self.tracks.follow(&runs, current, &shared);
+        self.entities.follow(&runs, current, &shared);
+        self.events.follow(&runs, current, &shared);
         self.times.follow(&runs, current, &shared);
         self.fields.follow(&runs, current, &shared);
     }
@@ -119,12 +119,12 @@ impl StackSource {
     fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
         // The tracks and entities of a recording are read from it.
-        let outputs = plan.processes.iter().flat_map(|process| &process.outputs);
-        let outputs = outputs.map(|&index| &run.buffers()[index]);
+        let is_output =
+            |buffer: usize| plan.processes.iter().any(|process| process.outputs.contains(&buffer));
         let gathering = Gathering {
-            tracks: PerRun::tap(outputs.clone()),
-            entities: PerRun::tap(outputs),
-            events: PerRun::tap(run.buffers()),
+            tracks: PerRun::tap(run.buffers(), is_output),
+            entities: PerRun::tap(run.buffers(), is_output),
+            events: PerRun::tap(run.buffers(), |_| true),
             times: RunTimes::tap(&run),
             fields: RunFields::tap(&run),
         };

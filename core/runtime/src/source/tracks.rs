@@ -3,7 +3,7 @@
 //! A transform counts with its stamp. One of 0 is none where the log times are not near 0, too: such a transform counts with
 //! its log time. Stamps of another clock than that of the log are translated by [`TransformClock`].
 
-use super::per_run::Gathered;
+use super::per_run::{Gathered, Written};
 use super::run_tag::RunTag;
 use super::series::{Record, Series, SeriesWriter};
 use super::transform_clock::{SAME_NS, TransformClock};
@@ -144,6 +144,9 @@ struct Growing {
     frame_id: Arc<str>,
     origin: Option<Enu>,
     points: SeriesWriter<TrackPoint>,
+    /// For each position, the number of messages of the run up to the one that has it. Empty for a recording, from which
+    /// no run branches.
+    found_at: Vec<u64>,
 }
 
 /// Tracks and transforms that grow message by message.
@@ -168,14 +171,23 @@ impl Gathered for Tracks {
         is_pose_type(type_name)
     }
 
-    fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage) {
-        self.add(topic, log_time, message, false);
+    fn take(&mut self, topic: &Arc<str>, at: Written, message: &AnyMessage) {
+        self.add(topic, at.time, message, false);
+        if let Some(track) = self.by_topic.get_mut(topic) {
+            track.found_at.resize(track.points.read().len(), at.messages);
+        }
     }
 
-    fn fork(&self, time: Stamp) -> Self {
+    fn fork(&self, at: Written) -> Self {
         let fork = |(topic, track): (&Arc<str>, &Growing)| {
-            let (frame_id, points) = (Arc::clone(&track.frame_id), track.points.fork(time));
-            (Arc::clone(topic), Growing { frame_id, origin: track.origin, points })
+            let shared = track.found_at.partition_point(|&messages| messages <= at.messages);
+            let begun = Growing {
+                frame_id: Arc::clone(&track.frame_id),
+                origin: track.origin,
+                points: track.points.fork_first(shared),
+                found_at: track.found_at[..shared].to_vec(),
+            };
+            (Arc::clone(topic), begun)
         };
         Self { by_topic: self.by_topic.iter().map(fork).collect(), ..Self::default() }
     }
@@ -215,6 +227,7 @@ impl Tracks {
                 Position::Local(_) => None,
             },
             points: SeriesWriter::default(),
+            found_at: Vec::new(),
         });
         let position_m = place.position.metres(track.origin.as_ref()).to_array();
         track.points.push(TrackPoint { stamp, position_m, yaw_rad: place.yaw_rad });

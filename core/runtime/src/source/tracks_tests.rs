@@ -127,6 +127,29 @@ fn a_receiver_without_a_fix_is_nowhere() {
 }
 
 #[test]
+fn a_branch_has_the_positions_that_were_written_before_it_and_no_others() {
+    let topic: Arc<str> = "/odometry".into();
+    let mut parent = Tracks::default();
+    for messages in 1..=3_u64 {
+        let time = messages * S;
+        let position = odometry(time, messages as f64, UPRIGHT);
+        parent.take(&topic, Written { time: Stamp(time), messages }, &position);
+    }
+    let xs = |tracks: &Tracks| {
+        let points = tracks.read(RunTag::FIRST).next().unwrap().points;
+        (0..points.len()).map(|index| points.get(index).unwrap().position_m[0]).collect::<Vec<_>>()
+    };
+    // The run branches at 2 s, before the position of then.
+    let mut branch = parent.fork(Written { time: Stamp(2 * S), messages: 1 });
+    assert_eq!(xs(&branch), [1.0]);
+    let at = Written { time: Stamp(2 * S), messages: 2 };
+    branch.take(&topic, at, &odometry(2 * S, 40.0, UPRIGHT));
+    assert_eq!(xs(&branch), [1.0, 40.0]);
+    assert_eq!(xs(&branch.fork(at)), [1.0, 40.0]);
+    assert_eq!(xs(&parent), [1.0, 2.0, 3.0]);
+}
+
+#[test]
 fn two_topics_that_move_one_frame_are_told_once() {
     let one = tracks((1..9).map(|i| (i, "/tf", transform("odom", "base", i, i as f64))));
     assert!(one.doubts().is_empty());

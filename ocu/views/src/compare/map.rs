@@ -86,7 +86,8 @@ pub(super) fn ui(
     }
     paint_cells(ui, &difference, look, canvas);
     for (side, frame) in frames.into_iter().enumerate() {
-        let all = placed(frame, Some(&difference.frame_id)).filter(|(name, _)| *name == difference.frame_id);
+        let all = placed(ui.ctx(), frame, Some(&difference.frame_id));
+        let all = all.filter(|(name, _)| *name == difference.frame_id);
         for layer in all.map(|(_, layers)| layers).unwrap_or_default() {
             paint_line(ui, &layer, look, canvas, colors[side]);
         }

@@ -118,8 +118,15 @@ impl Content<'_> {
         self.cells.read(name, self.cell)
     }
 
+    /// The fused cost, or the number that stands for an unknown one. Costs are bytes; a field of another type with such a
+    /// name is a number like others.
+    fn fused_cost(&self) -> Option<f64> {
+        self.value("cost").filter(|_| self.cells.is_byte("cost"))
+    }
+
     fn sources(&self) -> impl Iterator<Item = &str> {
-        self.cells.names().filter_map(|name| name.strip_prefix("cost."))
+        let costs = self.cells.names().filter(|name| self.cells.is_byte(name));
+        costs.filter_map(|name| name.strip_prefix("cost."))
     }
 
     /// Whether a source has a cost or a confidence for the cell.
@@ -130,7 +137,7 @@ impl Content<'_> {
 
     /// Whether the grid is one of costs, and has none for the cell.
     pub(super) fn is_unknown(&self) -> bool {
-        let fused = self.value("cost");
+        let fused = self.fused_cost();
         let is_of_costs = fused.is_some() || self.sources().next().is_some();
         is_of_costs && !fused.is_some_and(is_cost) && !self.sources().any(|source| self.knows(source))
     }
@@ -144,7 +151,7 @@ impl Content<'_> {
 
     /// The fused cost, if there is one, and by which source; returns the fields that it tells.
     fn fused(&self, ui: &mut Ui, room: &mut Room) -> &'static [&'static str] {
-        let Some(fused) = self.value("cost") else { return &[] };
+        let Some(fused) = self.fused_cost() else { return &[] };
         let confidence = self.value("confidence").map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
         let place = self.value("source").unwrap_or(f64::NAN);
         let source = if place >= 0.0 { self.sources().nth(place as usize) } else { None };
@@ -411,8 +418,36 @@ fn short(value: f64) -> String {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
+    use crate::samples;
+    use rcs_msg::AnyMessage;
+    use rcs_msg::foxglove::packed_element_field::NumericType;
+    use rcs_msg::foxglove::{Grid, PackedElementField};
+
+    #[test]
+    fn a_field_of_another_type_with_the_name_of_a_cost_is_a_number_like_others() {
+        let fields = ["cost", "cost.stereo"].into_iter().zip([0, 4]).map(|(name, offset)| {
+            let name = name.to_owned();
+            PackedElementField { name, offset, r#type: NumericType::Float32.into() }
+        });
+        let data =
+            [300.0_f32, 900.0].iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>().into();
+        let (fields, column_count, row_stride, cell_stride) = (fields.collect(), 1, 8, 8);
+        let floats = Grid { fields, data, column_count, row_stride, cell_stride, ..samples::grid(1, 1) };
+        let frame = samples::empty();
+        for (grid, is_unknown, has_cost) in
+            [(floats, false, false), (samples::costmap(1, &[255]), true, true)]
+        {
+            let grid = AnyMessage::new(grid);
+            let cells = Cells::new(&grid).unwrap();
+            let content =
+                Content { frame: &frame, cells: &cells, cell: [0, 0], weights: None, is_edited: false };
+            assert_eq!((content.is_unknown(), content.fused_cost().is_some()), (is_unknown, has_cost));
+            assert_eq!(content.sources().count(), 0);
+        }
+    }
 
     #[test]
     fn numbers_fit_into_their_columns() {

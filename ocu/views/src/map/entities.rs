@@ -4,15 +4,15 @@
 //! Each entity is placed by its own frame: one that is locked to it at the viewed time, any other at the time of its stamp.
 
 use super::labels::Labels;
-use super::layers::{self, Kind, Layer};
+use super::layers::{Kind, Layer, map_from_frame, placing_time};
 use crate::canvas::Viewport;
 use crate::clip::{self, is_place};
-use crate::prepare::prepared;
-use crate::primitives::{PlacedEntities, Primitives, Solid, Text, Width};
+use crate::prepare::{Same, prepared, shared};
+use crate::primitives::{PlacedEntities, PlacedText, Primitives, Solid, Width};
 use egui::{Color32, Context, Id, Mesh, Painter, Pos2, Rect, Shape, Stroke};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::Stamp;
-use rcs_runtime::source::{Entity, Frame, frame_name};
+use rcs_runtime::source::{Entity, Frame, Topic, frame_name};
 use std::sync::Arc;
 
 /// More solids than these are painted without their edges.
@@ -29,15 +29,36 @@ pub(super) struct Placement {
     pub(super) reason: Option<String>,
 }
 
+/// The entities of a layer in the frame of the map; `None` for another layer. All views share what is placed once in a
+/// frame.
+pub(super) fn placement(
+    ctx: &Context,
+    frame: &Frame,
+    map: &str,
+    layer: &Layer<'_>,
+) -> Option<Arc<Placement>> {
+    let (Kind::Entities(entities), Some(topic)) = (layer.kind, layer.topic) else { return None };
+    let slot = slot("placed entities", frame, map, topic);
+    // Frames that differ in the state of playing alone may have one number.
+    let list = (entities.as_ptr().addr(), entities.len());
+    let key = (frame.generation, frame.now, list, Same(Arc::clone(&frame.transforms)));
+    Some(shared(ctx, slot, key, || place(frame, map, entities)))
+}
+
+/// Views of one run in one frame of coordinates share what is made of a topic.
+fn slot(name: &str, frame: &Frame, map: &str, topic: &Topic) -> Id {
+    Id::unique((name, &*topic.name, topic.run, frame.runs.current(), map))
+}
+
 /// Places the entities that exist at the viewed time.
-pub(super) fn place(frame: &Frame, map: &str, entities: &[Arc<Entity>]) -> Placement {
+fn place(frame: &Frame, map: &str, entities: &[Arc<Entity>]) -> Placement {
     let (mut placed, mut loose, mut reason) = (Vec::new(), 0, None);
     // Most entities of a topic have one frame and one time.
     let mut last: Option<(&str, Stamp, Result<Pose, String>)> = None;
     for entity in entities.iter().filter(|entity| entity.is_alive(frame.now)) {
         let (name, at) = (frame_name(&entity.content.frame_id), placing_time(frame, entity));
         let known = last.take().filter(|(last_name, last_at, _)| (*last_name, *last_at) == (name, at));
-        let found = || (name, at, layers::map_from_frame(frame, map, name, at));
+        let found = || (name, at, map_from_frame(frame, map, name, at));
         let (_, _, pose) = last.insert(known.unwrap_or_else(found));
         match pose {
             Ok(pose) => placed.push((Arc::clone(entity), *pose)),
@@ -50,17 +71,6 @@ pub(super) fn place(frame: &Frame, map: &str, entities: &[Arc<Entity>]) -> Place
     Placement { placed: PlacedEntities(placed.into()), loose, reason }
 }
 
-/// The time by the clock of the transforms at which an entity is placed.
-fn placing_time(frame: &Frame, entity: &Entity) -> Stamp {
-    if entity.content.frame_locked {
-        return frame.transform_time(frame.now);
-    }
-    // A stamp of 0 is none.
-    let stated = entity.content.timestamp.as_ref().and_then(Stamp::from_proto);
-    let stated = stated.filter(|stamp| stamp.0 != 0);
-    frame.placing_time(stated.unwrap_or(entity.from), entity.from)
-}
-
 /// The entities of a layer on the map.
 pub(super) struct OnMap {
     /// Number of entities that are placed.
@@ -71,6 +81,8 @@ pub(super) struct OnMap {
     pub(super) reason: Option<String>,
     /// Number of entities that are nowhere shown, because too many others existed.
     pub(super) left_out: usize,
+    /// Whether they are all that exist, and not those of the newest message alone.
+    pub(super) is_complete: bool,
     /// What is painted; `None` until it is made.
     pub(super) flat: Option<Arc<Flat>>,
 }
@@ -78,12 +90,13 @@ pub(super) struct OnMap {
 impl OnMap {
     /// `None` for another layer.
     pub(super) fn of(ctx: &Context, frame: &Frame, map: &str, layer: &Layer<'_>) -> Option<Self> {
-        let (Kind::Entities(entities), Some(topic)) = (layer.kind, layer.topic) else { return None };
-        let Placement { placed, loose, reason } = place(frame, map, entities);
+        let (placement, topic) = (placement(ctx, frame, map, layer)?, layer.topic?);
+        let (loose, reason, placed) = (placement.loose, placement.reason.clone(), placement.placed.clone());
         let (count, left_out) = (placed.0.len(), frame.entities_left_out(topic));
-        let slot = Id::unique(("entities", &*topic.name, topic.run, map));
+        let is_complete = frame.has_all_entities(topic) != Some(false);
+        let slot = slot("entities", frame, map, topic);
         let flat = prepared(ctx, slot, placed.clone(), move || Flat::of(&placed));
-        Some(Self { count, loose, reason, left_out, flat })
+        Some(Self { count, loose, reason, left_out, is_complete, flat })
     }
 
     /// What is said of them below the name of the layer, and whether it is a warning.
@@ -93,6 +106,11 @@ impl OnMap {
             0 => {}
             1 => notes.push(("1 entity".to_owned(), false)),
             count => notes.push((format!("{count} entities"), false)),
+        }
+        if !self.is_complete {
+            let text =
+                "those of the newest message alone: earlier ones have not been read yet, or were forgotten";
+            notes.push((text.to_owned(), true));
         }
         // Where none is placed, the panel says why, as of any layer.
         if let Some(reason) = self.reason.as_ref().filter(|_| self.count > 0) {
@@ -120,7 +138,7 @@ pub(super) struct Flat {
     solids: Vec<(Vec<[f64; 2]>, Color32)>,
     triangles: Vec<[([f64; 2], Color32); 3]>,
     lines: Vec<(Vec<[f64; 2]>, Color32, Width)>,
-    texts: Vec<Text>,
+    texts: Vec<PlacedText>,
     /// Least and greatest x and y, m.
     pub(super) bounds: Option<([f64; 2], [f64; 2])>,
     /// Number of primitives with numbers that cannot be.
@@ -212,7 +230,9 @@ impl Flat {
 /// Adds a convex polygon, if it is in the canvas.
 fn fan(mesh: &mut Mesh, corners: &[(Pos2, Color32)], canvas: Rect) {
     let mut bounds = Rect::NOTHING;
-    corners.iter().for_each(|(at, _)| bounds.extend_with(*at));
+    for (at, _) in corners {
+        bounds.extend_with(*at);
+    }
     if corners.len() < 3 || !bounds.intersects(canvas) {
         return;
     }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use super::*;
+use crate::map::layers;
 use crate::samples;
 use rcs_geom::TransformTree;
 use rcs_msg::foxglove::{
@@ -12,6 +13,7 @@ use rcs_msg::foxglove::{
 
 const RED: Option<Color> = Some(Color { r: 1.0, g: 0.0, b: 0.0, a: 1.0 });
 
+#[allow(clippy::unnecessary_wraps, reason = "fields of messages are optional")]
 fn pose(x: f64, y: f64, z: f64) -> Option<foxglove::Pose> {
     Some(foxglove::Pose { position: Some(Vector3 { x, y, z }), orientation: None })
 }
@@ -66,6 +68,43 @@ fn an_entity_lies_where_its_frame_was_or_where_it_is_if_it_is_locked_to_it() {
     assert_eq!(x[1..], [15.0, 20.0, 0.0]);
     assert!([7.0, 15.0].contains(&x[0]), "{x:?}");
     assert_eq!((loose, reason.as_deref()), (1, Some("frame \"arm\" is not connected to \"map\"")));
+}
+
+#[test]
+fn entities_are_placed_once_for_all_views_of_a_run_and_again_in_another_frame() {
+    let (ctx, frame) = (Context::default(), frame(vec![entity("locked", "base", 7, true)]));
+    let placed = |frame: &Frame| {
+        let layers = layers::layers(frame);
+        placement(&ctx, frame, "map", &layers[0]).unwrap()
+    };
+    let first = placed(&frame);
+    assert!(Arc::ptr_eq(&first, &placed(&frame)));
+    let later = Frame { now: Stamp(21_000_000_000), ..frame.clone() };
+    assert_eq!(placed(&later).placed.0[0].1.translation.x, 21.0);
+    let mut beside = frame.clone();
+    beside.runs.moment.run = rcs_runtime::RunId(1);
+    beside.now = Stamp(22_000_000_000);
+    let other = placed(&beside);
+    assert_eq!(other.placed.0[0].1.translation.x, 22.0);
+    placed(&later);
+    assert!(Arc::ptr_eq(&other, &placed(&beside)), "runs do not take turns in one slot");
+}
+
+#[test]
+fn a_layer_of_entities_is_placed_by_its_first_entity_without_reading_its_message() {
+    let frame = frame(vec![entity("", "base", 7, true)]);
+    assert_eq!(layers::layers(&frame)[0].stamp, frame.transform_time(frame.now));
+}
+
+#[test]
+fn where_earlier_messages_are_not_known_the_panel_says_so() {
+    let notes = |is_complete: bool| {
+        let on_map = OnMap { count: 1, loose: 0, reason: None, left_out: 0, is_complete, flat: None };
+        on_map.notes()
+    };
+    assert_eq!(notes(true), [("1 entity".to_owned(), false)]);
+    let incomplete = notes(false);
+    assert!(incomplete.len() == 2 && incomplete[1].1 && incomplete[1].0.contains("newest message alone"));
 }
 
 #[test]
@@ -137,8 +176,7 @@ fn what_is_painted_is_bounded_whatever_the_numbers_are() {
     let canvas = Rect::from_min_size(Pos2::ZERO, egui::Vec2::new(400.0, 300.0));
     let viewport = Viewport { center: [0.0, 0.0], scale: 10.0, y_up: true, turned_rad: 0.3 };
     for count in [1, 20_000] {
-        let cubes =
-            (0..count).map(|i| cube(f64::from(i % 40) - 5.0, f64::from(i / 40) - 5.0, 0.0)).collect();
+        let cubes = (0..count).map(|i| cube(f64::from(i % 40) - 5.0, f64::from(i / 40) - 5.0, 0.0)).collect();
         let all = flat(SceneEntity { cubes, ..SceneEntity::default() });
         let ctx = Context::default();
         let mut output = ctx.run_ui(egui::RawInput::default(), |ui| {

@@ -4,7 +4,7 @@ use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
 use super::{entities, panel};
 use crate::primitives::PlacedEntities;
-use egui::{Color32, ColorImage};
+use egui::{Color32, ColorImage, Context};
 use ocu_ui::palette::MapPalette;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::{AnyMessage, Stamp};
@@ -42,15 +42,19 @@ pub(crate) struct Placed<'a> {
 
 /// The frame in which most can be drawn, and everything that can be drawn in it. `chosen` is the frame that a person
 /// has chosen.
-pub(crate) fn placed<'a>(frame: &'a Frame, chosen: Option<&str>) -> Option<(String, Vec<Placed<'a>>)> {
+pub(crate) fn placed<'a>(
+    ctx: &Context,
+    frame: &'a Frame,
+    chosen: Option<&str>,
+) -> Option<(String, Vec<Placed<'a>>)> {
     let all = layers::layers(frame);
     let frames = layers::frames(frame, &all);
     let chosen = chosen.and_then(|name| frames.iter().copied().find(|frame| *frame == name));
     let scene = chosen.or_else(|| layers::default_frame(frame, &all))?;
     let has_map = all.iter().any(Layer::is_map);
     let placed = all.iter().enumerate().filter_map(|(index, layer)| {
-        let (thing, scene_from_layer) = if let Kind::Entities(all) = layer.kind {
-            let placed = entities::place(frame, scene, all).placed;
+        let (thing, scene_from_layer) = if let Kind::Entities(_) = layer.kind {
+            let placed = entities::placement(ctx, frame, scene, layer)?.placed.clone();
             ((!placed.0.is_empty()).then_some(Thing::Entities(placed))?, Pose::IDENTITY)
         } else {
             let scene_from_layer = layers::map_from_layer(frame, scene, layer).ok()?;

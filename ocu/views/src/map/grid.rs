@@ -105,7 +105,8 @@ impl<'a> Cells<'a> {
         fused.into_iter().chain(colors).chain(fields).collect()
     }
 
-    fn is_byte(&self, name: &str) -> bool {
+    /// Whether a field is one of bytes, such as costs.
+    pub(super) fn is_byte(&self, name: &str) -> bool {
         self.0.field_of(name, NumericType::Uint8).is_ok()
     }
 

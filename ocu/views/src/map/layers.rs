@@ -106,11 +106,13 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     let (mut grids, mut clouds, mut scenes, mut paths) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for topic in frame.topics.iter() {
         let Some(sample) = &topic.latest else { continue };
-        let layer = |kind, frame_id| {
+        let layer_at = |kind, frame_id, stamp| {
             let name = crate::toolbar::topic_label(frame, topic);
-            let acquired = topic.acq_time().unwrap_or(sample.header.acq_time);
-            let stamp = frame.placing_time(acquired, sample.header.log_time);
             Layer { name, kind, frame_id: frame_name(frame_id), stamp, topic: Some(topic) }
+        };
+        let layer = |kind, frame_id| {
+            let acquired = topic.acq_time().unwrap_or(sample.header.acq_time);
+            layer_at(kind, frame_id, frame.placing_time(acquired, sample.header.log_time))
         };
         match topic.type_name() {
             "foxglove.Grid" => {
@@ -124,8 +126,10 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             "foxglove.SceneUpdate" => {
                 let entities = frame.entities(topic);
                 let first = entities.iter().find(|entity| entity.is_alive(frame.now));
-                let frame_id = first.map(|first| &first.content.frame_id);
-                scenes.extend(frame_id.map(|frame_id| layer(Kind::Entities(entities), frame_id)));
+                scenes.extend(first.map(|first| {
+                    let at = placing_time(frame, first);
+                    layer_at(Kind::Entities(entities), &first.content.frame_id, at)
+                }));
             }
             "foxglove.PosesInFrame" => {
                 paths.extend(topic.get::<PosesInFrame>().map(|path| layer(Kind::Path(path), &path.frame_id)));
@@ -157,6 +161,14 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     let mut layers: Vec<_> = grids.chain(clouds).chain(scenes).chain(paths).chain(tracks).collect();
     layers.sort_by_key(Layer::is_ground_truth);
     layers
+}
+
+/// The time by the clock of the transforms at which an entity is placed.
+pub(super) fn placing_time(frame: &Frame, entity: &Entity) -> Stamp {
+    if entity.content.frame_locked {
+        return frame.transform_time(frame.now);
+    }
+    frame.placing_time(entity.stamp.unwrap_or(entity.from), entity.from)
 }
 
 /// Side of the cells of a grid, m; 0 for other layers.

@@ -91,7 +91,9 @@ fn fault(ctx: &Context, frame: &Frame, topic: &Topic, type_name: &str) -> Option
     let is_expected = DRAWN.contains(&type_name)
         || CONVERTED.contains(&type_name)
         || (TRACKS.contains(&type_name) && !has_track());
-    if !is_expected || topic.canonical().is_some() {
+    // Entities are gathered from messages that were read, so the newest one is not converted to find that out.
+    let is_read = || frame.has_all_entities(topic) == Some(true) || topic.canonical().is_some();
+    if !is_expected || is_read() {
         return None;
     }
     let slot = Id::unique(("undrawn", &*topic.name, topic.run));

@@ -101,7 +101,7 @@ impl Gpu {
                 }),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            // Boxes first, and lines, which lie on them, later; surfaces last, because what is behind them may show through.
+            // Boxes first, and lines, which lie on them, later; surfaces last, because they are often translucent.
             for kind in [2, 0, 1, 3] {
                 pass.set_pipeline(&self.pipelines[kind]);
                 for (uploaded, group) in self.uploaded.iter().zip(&groups) {
@@ -239,7 +239,7 @@ fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::Re
                 entry_point: Some("paint"),
                 targets: &[Some(wgpu::ColorTargetState {
                     format: COLOR,
-                    blend: is_surface.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                    blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
                     write_mask: wgpu::ColorWrites::ALL,
                 })],
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
@@ -248,4 +248,29 @@ fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::Re
             cache: None,
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::Color32;
+    use glam::DVec3;
+
+    #[test]
+    fn what_is_behind_a_translucent_line_shows_through() {
+        let mut gpu = match Gpu::new() {
+            Ok(gpu) => gpu,
+            Err(reason) => return println!("skipped: {reason}"),
+        };
+        let mut shapes = Shapes::default();
+        let ends = [-1.0, 1.0].map(|x| DVec3::new(x, 0.0, 0.5));
+        shapes.line(ends, Color32::from_rgba_premultiplied(100, 0, 0, 128), 8.0);
+        let draws = [Draw { shapes: Arc::new(shapes), clip_from_shapes: DMat4::IDENTITY }];
+        let Pixels { size, rgba, .. } = gpu.draw(&draws, [16, 16], 1.0, [1.0; 3]).expect("a picture");
+        let middle = 4 * (size[1] / 2 * size[0] + size[0] / 2);
+        let expect = [227_u8, 127, 127, 255];
+        let is_near = |(a, b): (&u8, &u8)| a.abs_diff(*b) <= 2;
+        let pixel = &rgba[middle..middle + 4];
+        assert!(pixel.iter().zip(&expect).all(is_near), "{pixel:?}");
+    }
 }

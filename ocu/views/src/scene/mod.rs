@@ -114,7 +114,7 @@ impl View for Scene {
     }
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        let Some((scene, placed)) = map::placed(cx.frame, self.saved.frame.as_deref()) else {
+        let Some((scene, placed)) = map::placed(ui.ctx(), cx.frame, self.saved.frame.as_deref()) else {
             let hint =
                 "Clouds, maps, poses, paths or markers would fill it: play on, or open a log that has some.";
             return widgets::empty(ui, icons::ICON_VIEW_IN_AR, "Nothing to draw in space", hint);
