@@ -126,7 +126,26 @@ pub fn tokens_of(theme: Theme) -> &'static Tokens {
     }
 }
 
+/// Contrast ratio of two colours by WCAG 2, 1 to 21.
+fn contrast(a: Color32, b: Color32) -> f32 {
+    let luminance = |color: Color32| {
+        let [r, g, b, _] = egui::Rgba::from(color).to_array();
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    };
+    let (a, b) = (luminance(a) + 0.05, luminance(b) + 0.05);
+    if a > b { a / b } else { b / a }
+}
+
+/// Least contrast of a text whose colour comes from a message.
+const LEAST_CONTRAST: f32 = 2.5;
+
 impl Tokens {
+    /// The colour of a text on a label, given that of a message: the theme's own, if that could not be read there.
+    pub fn legible(&self, color: Color32) -> Color32 {
+        let is_legible = contrast(color.to_opaque(), self.surface[3]) >= LEAST_CONTRAST;
+        if is_legible { color } else { self.text }
+    }
+
     /// Colour of series `index`; colours repeat after the last.
     pub fn series(&self, index: usize) -> Color32 {
         self.series[index % self.series.len()]
@@ -237,14 +256,13 @@ fn apply(style: &mut egui::Style, tokens: &Tokens) {
 mod tests {
     use super::*;
 
-    /// Contrast ratio of two colours by WCAG 2, 1 to 21.
-    fn contrast(a: Color32, b: Color32) -> f32 {
-        let luminance = |color: Color32| {
-            let [r, g, b, _] = egui::Rgba::from(color).to_array();
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        };
-        let (a, b) = (luminance(a) + 0.05, luminance(b) + 0.05);
-        if a > b { a / b } else { b / a }
+    #[test]
+    fn a_text_in_the_colour_of_a_message_can_be_read_in_both_themes() {
+        for (tokens, kept, replaced) in
+            [(&DARK, Color32::WHITE, Color32::BLACK), (&LIGHT, Color32::BLACK, Color32::WHITE)]
+        {
+            assert_eq!([tokens.legible(kept), tokens.legible(replaced)], [kept, tokens.text]);
+        }
     }
 
     #[test]

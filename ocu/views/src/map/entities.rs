@@ -110,7 +110,7 @@ impl OnMap {
         if !self.is_complete {
             let text =
                 "those of the newest message alone: earlier ones have not been read yet, or were forgotten";
-            notes.push((text.to_owned(), true));
+            notes.push((text.to_owned(), false));
         }
         // Where none is placed, the panel says why, as of any layer.
         if let Some(reason) = self.reason.as_ref().filter(|_| self.count > 0) {

@@ -104,7 +104,7 @@ fn where_earlier_messages_are_not_known_the_panel_says_so() {
     };
     assert_eq!(notes(true), [("1 entity".to_owned(), false)]);
     let incomplete = notes(false);
-    assert!(incomplete.len() == 2 && incomplete[1].1 && incomplete[1].0.contains("newest message alone"));
+    assert!(incomplete.len() == 2 && incomplete[1].0.contains("newest message alone"));
 }
 
 #[test]

@@ -56,7 +56,8 @@ impl Labels {
                 continue;
             }
             said.push((label.at, label.text.clone()));
-            let galley = painter.layout_no_wrap(label.text, label.font, label.color);
+            let color = tokens.legible(label.color);
+            let galley = painter.layout_no_wrap(label.text, label.font, color);
             let Some(place) = self.place(label.at, label.way, galley.size(), canvas) else { continue };
             // Where it is not beside its thing, a line leads there.
             let near = place.clamp(label.at);
@@ -64,7 +65,7 @@ impl Labels {
                 painter.line_segment([label.at, near], Stroke::new(1.0, label.color.gamma_multiply(0.6)));
             }
             painter.rect_filled(place, 2.0, tokens.surface[3].gamma_multiply(0.92));
-            painter.galley(place.min + MARGIN, galley, label.color);
+            painter.galley(place.min + MARGIN, galley, color);
             self.taken.push(place);
         }
     }

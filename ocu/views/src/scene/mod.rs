@@ -466,11 +466,12 @@ fn entity_texts(ui: &Ui, shown: &[&Placed<'_>], matrix: &glam::DMat4, canvas: Re
             let Some(at) = project(matrix, canvas, text.at).filter(|at| canvas.contains(*at)) else {
                 continue;
             };
-            let galley = painter.layout_no_wrap(text.text, FontId::proportional(12.0), text.color);
+            let color = tokens.legible(text.color);
+            let galley = painter.layout_no_wrap(text.text, FontId::proportional(12.0), color);
             let place = Align2::CENTER_CENTER.anchor_size(at, galley.size());
             let plate = place.expand2(Vec2::new(3.0, 0.0));
             painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.7));
-            painter.galley(place.min, galley, text.color);
+            painter.galley(place.min, galley, color);
         }
     }
 }
