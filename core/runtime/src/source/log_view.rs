@@ -31,7 +31,6 @@ const IMAGE_TYPES: [&str; 4] =
 const FIRST_IMAGE_NS: u64 = 1_000_000_000;
 /// A longer jump looks up all topics instead of reading everything in between.
 const JUMP_NS: u64 = 2_000_000_000;
-/// Key of a channel's metadata: the process that writes it.
 /// Greatest duration of one piece of background work.
 const PIECE: Duration = Duration::from_millis(8);
 /// Time between two looks at what another thread has read.
