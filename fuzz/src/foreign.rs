@@ -20,6 +20,7 @@ pub fn schema(input: &[u8]) {
     let data = if how % 4 == 0 { edits.to_vec() } else { edited(base, edits) };
     let (message_encoding, schema_encoding) = match *encoding {
         "ros2msg" => (MessageEncoding::Cdr, "ros2msg"),
+        "ros1msg" => (MessageEncoding::Ros1, "ros1msg"),
         "jsonschema" => (MessageEncoding::Json, "jsonschema"),
         _ => (MessageEncoding::Protobuf, "protobuf"),
     };
@@ -165,6 +166,11 @@ static SCHEMAS: LazyLock<Vec<(&str, &str, Vec<u8>)>> = LazyLock::new(|| {
             "p/msg/A",
             "ros2msg",
             b"float64[<=4] a\np/B[2] b\n====\nMSG: p/B\nstring<=9 t \"x\"\nint8 C=3\n".to_vec(),
+        ),
+        (
+            "std_msgs/Header",
+            "ros1msg",
+            b"uint32 seq\ntime stamp\nstring frame_id\nNone none\n====\nMSG: std_msgs/None\n".to_vec(),
         ),
         ("note", "jsonschema", b"{\"type\":\"object\"}".to_vec()),
     ]

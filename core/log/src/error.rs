@@ -39,7 +39,7 @@ pub enum LogError {
     /// The file does not begin like an MCAP log.
     #[error("not an mcap log: expected it to begin with 89 4d 43 41 50 30 0d 0a, got {got}: {path}")]
     NotALog {
-        /// The first bytes, in hexadecimal.
+        /// What the file is, or its first bytes in hexadecimal.
         got: String,
         /// The file.
         path: PathBuf,

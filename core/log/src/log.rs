@@ -75,6 +75,18 @@ pub(crate) struct Opened {
     pub(crate) verified: u64,
 }
 
+/// What a file is that begins with these bytes, in words or hexadecimal.
+fn what_begins(front: &[u8]) -> String {
+    const CONVERT: &str = "which `mcap convert` (Foxglove's command-line tool) converts to one";
+    match front {
+        [] => "nothing".to_owned(),
+        b"#ROSBAG " => format!("a bag of ROS 1, {CONVERT}"),
+        b"SQLite f" => format!("an SQLite database, such as a bag of ROS 2 (.db3), {CONVERT}"),
+        [b'U', b'L', b'o', b'g', ..] => "a ULog of PX4".to_owned(),
+        _ => front.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" "),
+    }
+}
+
 impl Log {
     /// Opens a log by its index or, if that is missing or damaged, by a scan of its records.
     ///
@@ -107,12 +119,7 @@ impl Log {
     pub(crate) fn open_source(source: &Source, by_index: bool) -> Result<Opened, LogError> {
         let front = source.read(0, source.length().min(MAGIC.len() as u64) as usize)?;
         if front != MAGIC.as_slice() {
-            let got = if front.is_empty() {
-                "nothing".to_owned()
-            } else {
-                front.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ")
-            };
-            return Err(LogError::NotALog { got, path: source.path().to_owned() });
+            return Err(LogError::NotALog { got: what_begins(&front), path: source.path().to_owned() });
         }
         if by_index {
             match summary::read(source)? {

@@ -9,6 +9,8 @@ pub enum MessageEncoding {
     Protobuf,
     /// ROS 2's Common Data Representation.
     Cdr,
+    /// ROS 1's serialization.
+    Ros1,
     /// JSON text.
     Json,
     /// Any other encoding, by its name in the log: its messages are listed and shown as undecodable.
@@ -21,6 +23,7 @@ impl MessageEncoding {
         match self {
             Self::Protobuf => "protobuf",
             Self::Cdr => "cdr",
+            Self::Ros1 => "ros1",
             Self::Json => "json",
             Self::Other(name) => name,
         }
@@ -31,6 +34,7 @@ impl MessageEncoding {
         match name {
             "protobuf" => Self::Protobuf,
             "cdr" => Self::Cdr,
+            "ros1" => Self::Ros1,
             "json" => Self::Json,
             other => Self::Other(other.to_owned()),
         }

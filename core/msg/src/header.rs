@@ -7,7 +7,7 @@ use crate::time::Stamp;
 use crate::value::Value;
 use prost_types::Timestamp;
 
-/// Acquisition time of a message: its `timestamp`, that of its ROS 2 header, or its `stamp`; for transforms that of the
+/// Acquisition time of a message: its `timestamp`, that of its ROS header, or its `stamp`; for transforms that of the
 /// first one. `None` if it has none.
 pub fn header_stamp(message: &AnyMessage) -> Option<Stamp> {
     if let Some(timestamp) = typed(message, |known| known.timestamp) {
@@ -19,7 +19,7 @@ pub fn header_stamp(message: &AnyMessage) -> Option<Stamp> {
     if message.is_typed() { None } else { message.value().ok()?.header_stamp() }
 }
 
-/// Frame of a message: its `frame_id`, or that of its ROS 2 header. `None` if it has none.
+/// Frame of a message: its `frame_id`, or that of its ROS header. `None` if it has none.
 pub fn header_frame(message: &AnyMessage) -> Option<String> {
     let name = message.schema();
     let frame = registry().known(name.name()).and_then(|known| (known.frame_id)(message));

@@ -70,7 +70,7 @@ impl Schema {
         }
         a.data == b.data
             || match (self.reader(), other.reader()) {
-                (Ok(Reader::Cdr(a)), Ok(Reader::Cdr(b))) => a == b,
+                (Ok(Reader::Ros(a)), Ok(Reader::Ros(b))) => a == b,
                 (Ok(Reader::Protobuf(_)), Ok(Reader::Protobuf(_))) | (Ok(Reader::Json), Ok(Reader::Json)) => {
                     true
                 }

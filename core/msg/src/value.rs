@@ -239,12 +239,12 @@ impl Value {
         }
     }
 
-    /// The time that a message of seconds and nanoseconds holds (protobuf's, ROS 2's, or Foxglove's in JSON).
+    /// The time that a message of seconds and nanoseconds holds (protobuf's, that of ROS, or Foxglove's in JSON).
     pub fn as_stamp(&self) -> Option<Stamp> {
         let part = |names: &[&str]| names.iter().find_map(|name| self.field(name))?.as_i64();
         let timestamp = prost_types::Timestamp {
-            seconds: part(&["seconds", "sec"])?,
-            nanos: i32::try_from(part(&["nanos", "nanosec", "nsec"])?).ok()?,
+            seconds: part(&["seconds", "sec", "secs"])?,
+            nanos: i32::try_from(part(&["nanos", "nanosec", "nsec", "nsecs"])?).ok()?,
         };
         Stamp::from_proto(&timestamp)
     }

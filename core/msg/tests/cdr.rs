@@ -405,8 +405,8 @@ fn a_definition_that_means_something_else_is_refused() {
 fn what_has_no_reader_says_why() {
     let no_reader = [
         (
-            Schema::new("a/A", MessageEncoding::from_name("ros1"), "ros1msg", Bytes::new()),
-            "expected protobuf, cdr or json",
+            Schema::new("a.A", MessageEncoding::from_name("flatbuffer"), "flatbuffer", Bytes::new()),
+            "expected protobuf, cdr, ros1 or json",
         ),
         (
             Schema::new("a/A", MessageEncoding::Cdr, "ros2idl", Bytes::new()),

@@ -272,6 +272,6 @@ fn the_bag_with_the_wrong_serialization_says_why_it_is_not_shown() {
         let encoding = MessageEncoding::from_name(&channel.message_encoding);
         let schema = Schema::new(&schema.name, encoding, &schema.encoding, schema.data.to_vec().into());
         let error = schema.decodable().expect_err("its serialization is unknown").to_string();
-        assert!(error.contains("expected protobuf, cdr or json"), "{error}");
+        assert!(error.contains("expected protobuf, cdr, ros1 or json"), "{error}");
     }
 }

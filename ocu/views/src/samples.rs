@@ -67,21 +67,21 @@ fn with_metadata(mut topic: Topic, writer: &str, metadata: &[(&str, &str)]) -> T
 pub(crate) fn full() -> Frame {
     let classes = classes_to_json(&OBSTACLE_CLASSES);
     let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/camera/image"), (CLASSES, &*classes)];
-    let mut ros1 = Topic::new(
-        "/ros1/chatter",
+    let mut flat = Topic::new(
+        "/flat/chatter",
         RunTag::Recorded,
         Arc::new(Schema::new(
             "std_msgs/String",
-            MessageEncoding::Other("ros1".into()),
-            "ros1msg",
+            MessageEncoding::Other("flatbuffer".into()),
+            "flatbuffer",
             Vec::new().into(),
         )),
     );
-    ros1.undecodable = Some("message encoding \"ros1\" has no reader".into());
+    flat.undecodable = Some("message encoding \"flatbuffer\" has no reader".into());
     let header = Header { sequence: 7, log_time: NOW, acq_time: NOW, writer: WriterId::RUNTIME };
     let bytes = (0..100_u8).collect::<Vec<_>>().into();
-    let schema = Arc::clone(&ros1.schema);
-    let ros1 = ros1.with_latest(Sample { header, message: AnyMessage::encoded(schema, bytes) });
+    let schema = Arc::clone(&flat.schema);
+    let flat = flat.with_latest(Sample { header, message: AnyMessage::encoded(schema, bytes) });
     let mut topics = vec![
         with_metadata(topic("/camera/image", 5.0, 0.1, image(96, 64)), "", &[("rcs.role", "image")]),
         topic("/camera/depth", 5.0, 9.0, depth(96, 64)),
@@ -108,7 +108,7 @@ pub(crate) fn full() -> Frame {
             0.1,
             CompressedImage { data: vec![1, 2, 3].into(), ..Default::default() },
         ),
-        ros1,
+        flat,
         Topic::new("/nothing/yet", RunTag::FIRST, Arc::clone(schema_of::<RawImage>())),
     ];
     topics.sort_by(|a, b| a.name.cmp(&b.name));

@@ -90,6 +90,15 @@ fn a_log_without_its_magic_is_refused_by_name() {
             "{error}"
         );
     }
+    for (bytes, expect) in [
+        (&b"#ROSBAG V2.0\n"[..], "got a bag of ROS 1, which `mcap convert`"),
+        (b"SQLite format 3\0", "got an SQLite database, such as a bag of ROS 2"),
+        (b"ULog\x01\x12\x35\x01", "got a ULog of PX4"),
+        (b"abc", "got 61 62 63"),
+    ] {
+        let error = Log::from_bytes(Bytes::from_static(bytes)).unwrap_err().to_string();
+        assert!(error.contains(expect), "{error}");
+    }
     let error = Log::open("no/such/log.mcap").unwrap_err();
     assert!(error.to_string().ends_with("no/such/log.mcap"), "{error}");
     assert!(Log::open(std::env::temp_dir()).is_err(), "a folder is no log");

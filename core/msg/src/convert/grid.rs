@@ -1,7 +1,7 @@
 //! Occupancy grids and costmaps. In these messages, as in `foxglove.Grid`, rows run along x from the origin of the grid,
 //! and the next row lies in +y.
 
-use super::{Conversion, Source, Unusable};
+use super::{Conversion, Source, Unusable, expect};
 use crate::any::AnyMessage;
 use crate::foxglove::packed_element_field::NumericType;
 use crate::foxglove::{Grid, PackedElementField, Vector2};
@@ -78,8 +78,7 @@ fn costmap(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
 }
 
 fn check_cells(got: usize, width: u32, height: u32) -> Result<(), Unusable> {
-    let (got, expected) = (got as u64, u64::from(width) * u64::from(height));
-    if got == expected { Ok(()) } else { Err(Unusable::Content { what: "cells of the grid", got, expected }) }
+    expect("cells of the grid", got as u64, u64::from(width) * u64::from(height))
 }
 
 /// A field of one byte at an offset in the cell.

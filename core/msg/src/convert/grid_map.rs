@@ -13,7 +13,7 @@
 //! The rules are those of `getPositionFromIndex` in `grid_map_core`. `grid_map` itself ignores the orientation of the map,
 //! and always writes the identity.
 
-use super::{Conversion, Source, Unusable};
+use super::{Conversion, Source, Unusable, expect};
 use crate::any::AnyMessage;
 use crate::foxglove::packed_element_field::NumericType;
 use crate::foxglove::{Grid, PackedElementField, Pose, Vector2, Vector3};
@@ -98,10 +98,6 @@ fn texts(source: &mut Source<'_>) -> Result<Vec<String>, Unusable> {
         return Err(Unusable::Above { what: "layers of the grid map", got, most });
     }
     (0..count).map(|_| Ok(source.cursor.string()?)).collect()
-}
-
-fn expect(what: &'static str, got: u64, expected: u64) -> Result<(), Unusable> {
-    if got == expected { Ok(()) } else { Err(Unusable::Content { what, got, expected }) }
 }
 
 /// A start index of the circular buffer.

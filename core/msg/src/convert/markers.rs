@@ -62,7 +62,7 @@ const HEAD: f64 = 0.23;
 /// The definition of a marker.
 #[derive(Clone, Copy, PartialEq)]
 enum Edition {
-    /// Without textures and embedded meshes.
+    /// Without textures and embedded meshes, as in ROS 1.
     Foxy,
     Humble,
 }

@@ -17,17 +17,18 @@
 //! | `geometry_msgs/PoseWithCovarianceStamped` | `foxglove.Odometry` | `pose.rs` |
 //! | `geometry_msgs/PoseArray` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `nav_msgs/Path` | `foxglove.PosesInFrame` | `pose.rs` |
-//! | `tf2_msgs/TFMessage` | `foxglove.FrameTransforms` | `pose.rs` |
+//! | `tf2_msgs/TFMessage`, `tf/tfMessage` | `foxglove.FrameTransforms` | `pose.rs` |
 //! | `geometry_msgs/PolygonStamped` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs` |
 //! | `nav2_msgs/Costmap` | `foxglove.Grid` | `grid.rs` |
 //! | `grid_map_msgs/GridMap` | `foxglove.Grid` | `grid_map.rs` |
 //! | `visualization_msgs/Marker`, `visualization_msgs/MarkerArray` | `foxglove.SceneUpdate` | `markers.rs` |
-//! | `rcl_interfaces/Log` | `foxglove.Log` | `log.rs` |
+//! | `rcl_interfaces/Log`, `rosgraph_msgs/Log` | `foxglove.Log` | `log.rs` |
 //!
-//! ROS 2 messages are read directly from their CDR bytes; pixels and points share those bytes. If the definition in a
-//! log differs from ROS 2's definitions of that name, its messages are refused. A name has several conversions where
-//! releases of ROS 2 define it differently; without a readable definition the first one counts.
+//! Messages of ROS are read directly from their bytes; pixels and points share those bytes. If the definition in a log
+//! differs from the definitions of that name in ROS, its messages are refused. A name has several conversions where
+//! releases define it differently; without a readable definition the first one counts, for ROS 2. Messages of ROS 1 have
+//! the same conversions, since their definitions differ by the header and by times alone, which [`Source`] reads.
 
 mod cloud;
 mod grid;
@@ -45,7 +46,8 @@ use crate::definition::MessageEncoding;
 use crate::foxglove::LaserScan;
 use crate::guard::guarded;
 use crate::reader::Reader;
-use crate::reader::cdr::{CdrError, Cursor};
+use crate::reader::ros::{Cursor, RosError};
+use crate::reader::rosmsg::Wire;
 use crate::registry::{Known, registry};
 use crate::schema::Schema;
 use bytes::Bytes;
@@ -75,7 +77,7 @@ pub enum ConvertError {
     },
 }
 
-/// The conversion of one ROS 2 type that has a canonical counterpart.
+/// The conversion of one ROS type that has a canonical counterpart.
 struct Conversion {
     /// `package/Type`.
     from: &'static str,
@@ -85,7 +87,7 @@ struct Conversion {
     convert: fn(&mut Source<'_>) -> Result<AnyMessage, Unusable>,
 }
 
-const ROS2: &[&Conversion] = &[
+const ROS: &[&Conversion] = &[
     &image::IMAGE,
     &image::COMPRESSED_IMAGE,
     &image::CAMERA_INFO,
@@ -99,11 +101,13 @@ const ROS2: &[&Conversion] = &[
     &pose::POSE_ARRAY,
     &pose::PATH,
     &pose::TF_MESSAGE,
+    &pose::ROS1_TF_MESSAGE,
     &pose::POLYGON_STAMPED,
     &grid::OCCUPANCY_GRID,
     &grid::COSTMAP,
     &grid_map::GRID_MAP,
     &log::LOG,
+    &log::ROS1_LOG,
     &markers::MARKER,
     &markers::MARKER_ARRAY,
     &markers::FOXY_MARKER,
@@ -120,7 +124,8 @@ pub fn canonical(topic_schema: &Schema, bytes: &Bytes) -> Option<Result<AnyMessa
     }
     Some(conversion(topic_schema)?.and_then(|conversion| {
         let message = guarded(|| {
-            let message = Source::new(bytes).and_then(|mut source| (conversion.convert)(&mut source));
+            let wire = wire(topic_schema).unwrap_or(Wire::Cdr);
+            let message = Source::new(bytes, wire).and_then(|mut source| (conversion.convert)(&mut source));
             message.map_err(|error| error.to_string())
         });
         message.and_then(|message| message).map_err(malformed)
@@ -139,7 +144,7 @@ fn ours(schema: &Schema) -> Option<&'static Known> {
     let is_ours = match schema.message_encoding() {
         MessageEncoding::Protobuf => true,
         MessageEncoding::Json => schema.name().starts_with("foxglove."),
-        MessageEncoding::Cdr | MessageEncoding::Other(_) => false,
+        MessageEncoding::Cdr | MessageEncoding::Ros1 | MessageEncoding::Other(_) => false,
     };
     is_ours.then(|| registry().known(schema.name()))?
 }
@@ -164,16 +169,25 @@ fn typed(schema: &Schema, known: &Known, bytes: &Bytes) -> Result<AnyMessage, St
     }
 }
 
-fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertError>> {
-    if *schema.message_encoding() != MessageEncoding::Cdr {
-        return None;
+/// How messages of ROS are laid out; `None` for others.
+fn wire(schema: &Schema) -> Option<Wire> {
+    match schema.message_encoding() {
+        MessageEncoding::Cdr => Some(Wire::Cdr),
+        MessageEncoding::Ros1 => Some(Wire::Ros1),
+        MessageEncoding::Protobuf | MessageEncoding::Json | MessageEncoding::Other(_) => None,
     }
+}
+
+fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertError>> {
+    let wire = wire(schema)?;
     let (package, rest) = schema.name().split_once('/')?;
     let name = rest.strip_prefix("msg/").unwrap_or(rest);
-    let mut named = ROS2.iter().copied().filter(|known| known.from.split_once('/') == Some((package, name)));
+    let mut named = ROS.iter().copied().filter(|known| known.from.split_once('/') == Some((package, name)));
     let first = named.next()?;
     // If the definition cannot be read (ros2idl), the conversion goes by the name alone.
-    let Ok(Reader::Cdr(layout)) = schema.reader() else { return Some(Ok(first)) };
+    let Ok(Reader::Ros(layout)) = schema.reader() else {
+        return (wire == Wire::Cdr).then_some(Ok(first));
+    };
     let found = std::iter::once(first).chain(named).find(|known| known.signature == layout.signature());
     Some(found.ok_or_else(|| ConvertError::Definition {
         schema: schema.name().to_owned(),
@@ -182,11 +196,11 @@ fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertErro
     }))
 }
 
-/// Why a ROS 2 message cannot be used.
+/// Why a message of ROS cannot be used.
 #[derive(Debug, thiserror::Error)]
 enum Unusable {
     #[error(transparent)]
-    Cdr(#[from] CdrError),
+    Ros(#[from] RosError),
     #[error("{what}: got {got}, expected {expected}")]
     Content { what: &'static str, got: u64, expected: u64 },
     #[error("{what}: got {got}, expected at most {most}")]
@@ -195,25 +209,33 @@ enum Unusable {
     Number { what: &'static str, got: f64, expected: &'static str },
 }
 
-/// Reads a ROS 2 message.
+/// Refuses a number other than the expected one.
+fn expect(what: &'static str, got: u64, expected: u64) -> Result<(), Unusable> {
+    if got == expected { Ok(()) } else { Err(Unusable::Content { what, got, expected }) }
+}
+
+/// Reads a message of ROS.
 struct Source<'a> {
     bytes: &'a Bytes,
     cursor: Cursor<'a>,
 }
 
-/// `std_msgs/Header`.
+/// `std_msgs/Header`, without the `seq` of ROS 1.
 struct Header {
     timestamp: Option<Timestamp>,
     frame_id: String,
 }
 
 impl<'a> Source<'a> {
-    fn new(bytes: &'a Bytes) -> Result<Self, Unusable> {
-        Ok(Self { bytes, cursor: Cursor::new(bytes)? })
+    fn new(bytes: &'a Bytes, wire: Wire) -> Result<Self, Unusable> {
+        Ok(Self { bytes, cursor: Cursor::new(bytes, wire)? })
     }
 
     fn time(&mut self) -> Result<Timestamp, Unusable> {
-        let seconds = self.cursor.i32()?.into();
+        let seconds = match self.cursor.wire() {
+            Wire::Cdr => self.cursor.i32()?.into(),
+            Wire::Ros1 => self.cursor.u32()?.into(),
+        };
         let nanos = self.cursor.u32()?;
         let nanos =
             i32::try_from(nanos).ok().filter(|nanos| *nanos < 1_000_000_000).ok_or(Unusable::Content {
@@ -225,6 +247,9 @@ impl<'a> Source<'a> {
     }
 
     fn header(&mut self) -> Result<Header, Unusable> {
+        if self.cursor.wire() == Wire::Ros1 {
+            let _seq = self.cursor.u32()?;
+        }
         Ok(Header { timestamp: Some(self.time()?), frame_id: self.cursor.string()? })
     }
 

@@ -40,6 +40,9 @@ pub(super) const TF_MESSAGE: Conversion = Conversion {
     convert: tf_message,
 };
 
+/// What `tf2_msgs/TFMessage` was called before ROS 1 had `tf2`.
+pub(super) const ROS1_TF_MESSAGE: Conversion = Conversion { from: "tf/tfMessage", ..TF_MESSAGE };
+
 pub(super) const POLYGON_STAMPED: Conversion = Conversion {
     from: "geometry_msgs/PolygonStamped",
     signature: "iIs[](fff)",

@@ -1,9 +1,9 @@
 //! Readers: from the bytes of a message to a [`Value`], by the schema of its channel.
 
-pub(crate) mod cdr;
 mod editions;
 mod json;
 pub(crate) mod protobuf;
+pub(crate) mod ros;
 pub(crate) mod rosmsg;
 
 use crate::definition::{Definition, MessageEncoding};
@@ -12,7 +12,8 @@ use crate::guard::guarded;
 use crate::value::Value;
 use bytes::Bytes;
 use prost_reflect::{DescriptorPool, MessageDescriptor};
-use rosmsg::Layout;
+use rosmsg::{Layout, Wire};
+use std::sync::Arc;
 
 /// Why a message cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -65,8 +66,8 @@ pub enum EncodeError {
 pub(crate) enum Reader {
     /// Protobuf by its descriptor.
     Protobuf(MessageDescriptor),
-    /// ROS 2 CDR by its definition.
-    Cdr(std::sync::Arc<Layout>),
+    /// ROS 1 and ROS 2 by their definitions.
+    Ros(Arc<Layout>),
     /// JSON, which needs no schema.
     Json,
 }
@@ -85,18 +86,10 @@ impl Reader {
     fn of(schema: &Definition, fail: impl Fn(String) -> DecodeError) -> Result<Self, DecodeError> {
         match &schema.message_encoding {
             MessageEncoding::Protobuf => descriptor(schema).map(Self::Protobuf).map_err(fail),
-            MessageEncoding::Cdr if schema.schema_encoding == "ros2msg" => {
-                let text = std::str::from_utf8(&schema.data)
-                    .map_err(|_| fail("its definition is no text".into()))?;
-                let layout = Layout::parse(&schema.name, text).map_err(|error| fail(error.to_string()))?;
-                Ok(Self::Cdr(layout.into()))
-            }
-            MessageEncoding::Cdr => {
-                let got = &schema.schema_encoding;
-                Err(fail(format!("its definition is in {got:?}, expected \"ros2msg\"")))
-            }
+            MessageEncoding::Cdr => layout(schema, Wire::Cdr, "ros2msg").map(Self::Ros).map_err(fail),
+            MessageEncoding::Ros1 => layout(schema, Wire::Ros1, "ros1msg").map(Self::Ros).map_err(fail),
             MessageEncoding::Json => Ok(Self::Json),
-            MessageEncoding::Other(_) => Err(fail("expected protobuf, cdr or json".to_owned())),
+            MessageEncoding::Other(_) => Err(fail("expected protobuf, cdr, ros1 or json".to_owned())),
         }
     }
 
@@ -104,11 +97,20 @@ impl Reader {
     pub(crate) fn read(&self, bytes: &Bytes) -> Result<Value, String> {
         guarded(|| match self {
             Self::Protobuf(descriptor) => protobuf::decode(descriptor, bytes),
-            Self::Cdr(layout) => cdr::decode(layout, bytes).map_err(|error| error.to_string()),
+            Self::Ros(layout) => ros::decode(layout, bytes).map_err(|error| error.to_string()),
             Self::Json => json::decode(bytes),
         })
         .and_then(|value| value)
     }
+}
+
+/// The layout in a schema of ROS.
+fn layout(schema: &Definition, wire: Wire, expected: &str) -> Result<Arc<Layout>, String> {
+    if schema.schema_encoding != expected {
+        return Err(format!("its definition is in {:?}, expected {expected:?}", schema.schema_encoding));
+    }
+    let text = std::str::from_utf8(&schema.data).map_err(|_| "its definition is no text".to_owned())?;
+    Layout::parse(&schema.name, text, wire).map(Arc::new).map_err(|error| error.to_string())
 }
 
 /// The descriptor in a schema: the registered one if the schema is registered, so that no second pool is built.

@@ -1,4 +1,7 @@
-//! ROS 2 message definitions (`.msg` with its dependencies appended, as logs carry them), resolved into a layout.
+//! ROS message definitions (`.msg` with its dependencies appended, as logs carry them), resolved into a layout.
+//!
+//! ROS 1 has built-in types `time` and `duration`, which are read as messages of `secs` and `nsecs`, and its header begins
+//! with a number `seq`.
 //!
 //! We do not use `re_ros_msg`: it panics on a single quote as a default value, reads messages into maps that lose the
 //! order of fields, and reserves memory by lengths that it has not checked. A test compares the two readers on every
@@ -12,11 +15,20 @@ use std::fmt::Write;
 const MAX_DEPTH: usize = 32;
 const MAX_FIXED_LENGTH: usize = 1 << 24;
 
+/// How the values of a message follow each other: see `ros.rs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wire {
+    /// ROS 2.
+    Cdr,
+    Ros1,
+}
+
 /// Fields of all messages in a definition; the first is the message itself.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Layout {
     messages: Vec<Vec<Field>>,
     signature: String,
+    wire: Wire,
 }
 
 /// One field, in wire order.
@@ -65,20 +77,25 @@ struct Parsed<'a> {
 
 impl Layout {
     /// Parses a definition with its dependencies.
-    pub(crate) fn parse(name: &str, text: &str) -> Result<Self, LayoutError> {
-        let sections = sections(name, text);
+    pub(crate) fn parse(name: &str, text: &str, wire: Wire) -> Result<Self, LayoutError> {
+        let mut sections = sections(name, text);
+        if wire == Wire::Ros1 {
+            sections.extend(ROS1_TIMES.map(|(name, lines)| (name.to_owned(), lines.to_vec())));
+        }
         let mut parsed = Vec::new();
         let mut index = HashMap::new();
         for (at, (name, lines)) in sections.iter().enumerate() {
-            parsed.push(fields(name, lines)?);
+            parsed.push(fields(name, lines, wire)?);
             index.entry(short(name)).or_insert(at);
         }
         let mut messages = Vec::new();
         for ((name, _), fields) in sections.iter().zip(&parsed) {
             let package = name.split_once('/').map_or("", |(package, _)| package);
             let resolve = |ty: &str| {
-                primitive(ty).or_else(|| {
-                    let full = if ty.contains('/') { short(ty) } else { format!("{package}/{ty}") };
+                primitive(ty, wire).or_else(|| {
+                    let is_time = wire == Wire::Ros1 && ROS1_TIMES.iter().any(|(name, _)| *name == ty);
+                    let is_full = ty.contains('/') || is_time;
+                    let full = if is_full { short(ty) } else { format!("{package}/{ty}") };
                     // Old definitions write `Header` for the one in std_msgs.
                     let full = if full.ends_with("/Header") && !index.contains_key(&full) {
                         "std_msgs/Header".to_owned()
@@ -110,7 +127,7 @@ impl Layout {
             }
             messages.push(fields);
         }
-        let mut layout = Self { messages, signature: String::new() };
+        let mut layout = Self { messages, signature: String::new(), wire };
         let mut depths = vec![None; layout.messages.len()];
         if layout.depth(0, MAX_DEPTH, &mut depths).is_none() {
             return Err(LayoutError {
@@ -119,10 +136,20 @@ impl Layout {
                 expected: "at most 32 levels",
             });
         }
+        layout.without_empty_messages().map_err(|got| LayoutError {
+            message: name.to_owned(),
+            got,
+            expected: "elements that take at least one byte",
+        })?;
         let mut signature = String::new();
         layout.sign(layout.root(), &mut signature);
         layout.signature = signature;
         Ok(layout)
+    }
+
+    /// How messages of this layout are read.
+    pub(crate) fn wire(&self) -> Wire {
+        self.wire
     }
 
     /// Fields of the message itself.
@@ -135,14 +162,22 @@ impl Layout {
         &self.messages[index]
     }
 
-    /// The types on the wire in order, one letter each; `iIs` is a header. A converter that knows a message by its name
-    /// compares it to see whether the log has the same definition. Truncated at 400 characters, more than any known
-    /// message has.
+    /// The types on the wire in order, one letter each; `iIs` is a header, also one of ROS 1, and `iI` a time. A converter
+    /// that knows a message by its name compares it to see whether the log has the same definition. Truncated at 400
+    /// characters, more than any known message has.
     pub(crate) fn signature(&self) -> &str {
         &self.signature
     }
 
     fn sign(&self, fields: &[Field], out: &mut String) {
+        if self.wire == Wire::Ros1 {
+            let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
+            match names[..] {
+                ["seq", "stamp", "frame_id"] => return out.push_str("iIs"),
+                ["secs", "nsecs"] => return out.push_str("iI"),
+                _ => {}
+            }
+        }
         for field in fields {
             if out.len() > 400 {
                 return;
@@ -178,6 +213,38 @@ impl Layout {
         }
     }
 
+    /// Takes the fields of messages that take no bytes, so that skipping and reading them takes no time. Such messages
+    /// exist in ROS 1 alone. An array of them, which could be of any length, is an error that names its field.
+    fn without_empty_messages(&mut self) -> Result<(), String> {
+        let mut known = vec![None; self.messages.len()];
+        for message in 0..self.messages.len() {
+            if self.is_empty(message, &mut known) {
+                self.messages[message].clear();
+            }
+        }
+        let is_array_of_nothing = |field: &&Field| match field.element {
+            Element::Message(inner) => field.count != Count::One && self.messages[inner].is_empty(),
+            _ => false,
+        };
+        match self.messages.iter().flatten().find(is_array_of_nothing) {
+            Some(field) => Err(field.name.clone()),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether a message takes no bytes.
+    fn is_empty(&self, message: usize, known: &mut [Option<bool>]) -> bool {
+        if let Some(is_empty) = known[message] {
+            return is_empty;
+        }
+        let is_empty = self.message(message).iter().all(|field| match field.element {
+            Element::Message(inner) => field.count != Count::Sequence && self.is_empty(inner, known),
+            _ => false,
+        });
+        known[message] = Some(is_empty);
+        is_empty
+    }
+
     /// Number of nesting levels of a message; `None` if more than `left`, as in one that contains itself.
     fn depth(&self, message: usize, left: usize, known: &mut [Option<usize>]) -> Option<usize> {
         if let Some(depth) = known[message] {
@@ -194,6 +261,10 @@ impl Layout {
         Some(depth)
     }
 }
+
+/// `time` and `duration` of ROS 1.
+const ROS1_TIMES: [(&str, [&str; 2]); 2] =
+    [("time", ["uint32 secs", "uint32 nsecs"]), ("duration", ["int32 secs", "int32 nsecs"])];
 
 /// `pkg/msg/Type` and `pkg/Type` as `pkg/Type`.
 fn short(name: &str) -> String {
@@ -244,7 +315,7 @@ fn service_event(sections: &mut Vec<(String, Vec<&str>)>) {
     sections.extend(parts);
 }
 
-fn fields<'a>(message: &str, lines: &[&'a str]) -> Result<Vec<Parsed<'a>>, LayoutError> {
+fn fields<'a>(message: &str, lines: &[&'a str], wire: Wire) -> Result<Vec<Parsed<'a>>, LayoutError> {
     let mut fields = Vec::new();
     for line in lines {
         // A `#` in a text default truncates it, which does no harm, because defaults are not read.
@@ -276,17 +347,18 @@ fn fields<'a>(message: &str, lines: &[&'a str]) -> Result<Vec<Parsed<'a>>, Layou
         };
         fields.push(Parsed { name, ty, count });
     }
-    if fields.is_empty() {
-        // An empty message takes one byte on the wire. So everything that is read takes at least one byte.
+    if fields.is_empty() && wire == Wire::Cdr {
+        // An empty message takes one byte on the wire of ROS 2. So everything that is read takes at least one byte.
         fields.push(Parsed { name: "structure_needs_at_least_one_member", ty: "uint8", count: Count::One });
     }
     Ok(fields)
 }
 
-fn primitive(ty: &str) -> Option<Element> {
+fn primitive(ty: &str, wire: Wire) -> Option<Element> {
     let base = ty.split_once("<=").map_or(ty, |(base, _)| base);
     Some(match base {
         "bool" => Element::Number(Number::Bool),
+        "byte" if wire == Wire::Ros1 => Element::Number(Number::I8),
         "byte" | "char" | "uint8" => Element::Number(Number::U8),
         "int8" => Element::Number(Number::I8),
         "int16" => Element::Number(Number::I16),
@@ -316,7 +388,7 @@ mod tests {
             "# a comment\nint8 SIDE=1\nstd_msgs/Header header\nfloat64[9] k\nuint8[<=4] few\nstring<=10 name \"#x\"\nwstring w\n\
              Part[] parts{HEADER}===\nMSG: my_msgs/Part\nbool on true\nint16 q \"\n"
         );
-        let layout = Layout::parse("my_msgs/msg/Demo", &text).expect("it is a definition");
+        let layout = Layout::parse("my_msgs/msg/Demo", &text, Wire::Cdr).expect("it is a definition");
         assert_eq!(layout.signature(), "iIs[9]d[]Bsw[](bh)");
         assert_eq!(layout.root()[5].name, "parts");
     }
@@ -331,22 +403,48 @@ mod tests {
             ("Self me\n===\nMSG: a/Self\nSelf me", "at most 32 levels"),
             ("int8 a\nint16 a", "a name that no other field has"),
         ] {
-            let error = Layout::parse("a/msg/Self", text).expect_err(text).to_string();
+            let error = Layout::parse("a/msg/Self", text, Wire::Cdr).expect_err(text).to_string();
             assert!(error.contains(expect), "{error}");
         }
     }
 
     #[test]
     fn events_of_a_service_are_laid_out_from_the_service() {
-        let layout =
-            Layout::parse("a/srv/Add_Event", "int64 a\nint64 b\n---\nint64 sum\n").expect("it is a service");
+        let layout = Layout::parse("a/srv/Add_Event", "int64 a\nint64 b\n---\nint64 sum\n", Wire::Cdr)
+            .expect("it is a service");
         assert_eq!(layout.signature(), "BiI[16]Bq[](qq)[](q)");
-        Layout::parse("a/srv/Add", "int64 a\n---\nint64 sum\n").expect_err("a service is no message");
+        Layout::parse("a/srv/Add", "int64 a\n---\nint64 sum\n", Wire::Cdr)
+            .expect_err("a service is no message");
     }
 
     #[test]
     fn a_message_without_fields_is_one_byte() {
-        let layout = Layout::parse("std_msgs/msg/Empty", "").expect("it is a definition");
+        let layout = Layout::parse("std_msgs/msg/Empty", "", Wire::Cdr).expect("it is a definition");
         assert_eq!(layout.signature(), "B");
+    }
+
+    #[test]
+    fn a_definition_of_ros_1_is_signed_like_that_of_ros_2() {
+        let text = "Header header\ntime at\nduration[] each\nbyte b\nchar c\nPart[2] parts\nNone nothing\n===\n\
+            MSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n===\nMSG: my_msgs/Part\nuint32 seq\n===\n\
+            MSG: my_msgs/None\n";
+        let layout = Layout::parse("my_msgs/Demo", text, Wire::Ros1).expect("it is a definition");
+        assert_eq!(layout.signature(), "iIsiI[](iI)cB[2](I)");
+    }
+
+    #[test]
+    fn messages_without_bytes_are_no_elements_of_arrays() {
+        // Each message holds two of the next, and the last one nothing: 2^30 of them take no bytes.
+        let mut text = "C0 a\nC0 b\nint8 end\n".to_owned();
+        for depth in 0..29 {
+            text += &format!("===\nMSG: a/C{depth}\nC{0} a\nC{0} b\n", depth + 1);
+        }
+        text += "===\nMSG: a/C29\n";
+        let layout = Layout::parse("a/Top", &text, Wire::Ros1).expect("it is a definition");
+        assert_eq!(layout.signature(), "c");
+        let error = Layout::parse("a/Top", &text.replace("C0 a", "C0[3] some"), Wire::Ros1)
+            .expect_err("an array of nothing")
+            .to_string();
+        assert_eq!(error, "definition of a/Top: got \"some\", expected elements that take at least one byte");
     }
 }

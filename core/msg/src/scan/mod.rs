@@ -1,11 +1,11 @@
 //! Reads one number from each of many messages without decoding the rest.
 //!
 //! [`FieldScanner::scan`] returns what [`Value::get`](crate::Value::get) followed by
-//! [`Value::as_f64`](crate::Value::as_f64) returns, and allocates nothing for protobuf and CDR: a plot can read a
+//! [`Value::as_f64`](crate::Value::as_f64) returns, and allocates nothing for protobuf and messages of ROS: a plot can read a
 //! million messages this way.
 
-mod cdr;
 mod protobuf;
+mod ros;
 mod wire;
 
 use crate::path::{FieldPath, Segment};
@@ -21,7 +21,7 @@ pub struct FieldScanner(Plan);
 #[derive(Clone, Debug)]
 enum Plan {
     Protobuf(protobuf::Plan, Arc<str>),
-    Cdr(cdr::Plan, Arc<str>),
+    Ros(ros::Plan, Arc<str>),
     /// JSON, and protobuf maps.
     Tree(Arc<Schema>, FieldPath),
 }
@@ -65,7 +65,7 @@ impl FieldScanner {
                 Some(plan) => Plan::Protobuf(plan, name()),
                 None => Plan::Tree(Arc::clone(schema), path.clone()),
             },
-            Reader::Cdr(layout) => Plan::Cdr(cdr::Plan::new(layout, schema.name(), path)?, name()),
+            Reader::Ros(layout) => Plan::Ros(ros::Plan::new(layout, schema.name(), path)?, name()),
             Reader::Json => Plan::Tree(Arc::clone(schema), path.clone()),
         }))
     }
@@ -83,7 +83,7 @@ impl FieldScanner {
             Plan::Protobuf(plan, name) => {
                 plan.scan(message).map_err(|error| malformed(name, error.to_string()))
             }
-            Plan::Cdr(plan, name) => plan.scan(message).map_err(|error| malformed(name, error.to_string())),
+            Plan::Ros(plan, name) => plan.scan(message).map_err(|error| malformed(name, error.to_string())),
             Plan::Tree(schema, path) => {
                 let value = schema.value(&Bytes::copy_from_slice(message))?;
                 Ok(value.get(path).ok().and_then(|value| value.as_f64()))

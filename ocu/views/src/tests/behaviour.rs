@@ -106,10 +106,12 @@ fn fields_follow_the_selection_open_and_search() {
 fn a_message_without_a_reader_says_why_and_shows_its_bytes() {
     let mut harness = shown("fields");
     harness.state_mut().selection.topic =
-        Some(TopicKey { name: "/ros1/chatter".into(), run: crate::RunChoice::Recorded });
+        Some(TopicKey { name: "/flat/chatter".into(), run: crate::RunChoice::Recorded });
     harness.run();
     assert!(
-        harness.query_by_label_contains("Cannot be read: message encoding \"ros1\" has no reader").is_some()
+        harness
+            .query_by_label_contains("Cannot be read: message encoding \"flatbuffer\" has no reader")
+            .is_some()
     );
     assert!(harness.query_by_label_contains("000010  10 11 12").is_some());
 }

@@ -1,9 +1,9 @@
-//! The scanner for ROS 2 CDR: skips what lies before the field, reads it, and stops.
+//! The scanner for messages of ROS: skips what lies before the field, reads it, and stops.
 
 use super::{Fail, ScanError};
 use crate::packed::Scalar;
 use crate::path::{FieldPath, Segment};
-use crate::reader::cdr::{CdrError, Cursor};
+use crate::reader::ros::{Cursor, RosError};
 use crate::reader::rosmsg::{Count, Element, Field, Layout};
 use std::sync::Arc;
 
@@ -81,8 +81,8 @@ impl Plan {
         }
     }
 
-    pub(super) fn scan(&self, message: &[u8]) -> Result<Option<f64>, CdrError> {
-        let mut cursor = Cursor::new(message)?;
+    pub(super) fn scan(&self, message: &[u8]) -> Result<Option<f64>, RosError> {
+        let mut cursor = Cursor::new(message, self.layout.wire())?;
         let mut fields = self.layout.root();
         for (at, step) in self.steps.iter().enumerate() {
             for field in &fields[..step.field] {
