@@ -2,8 +2,8 @@
 
 use crate::catalog::Problems;
 use crate::info::Lost;
-use crate::record::{Head, op};
-use crate::segment::{Damage, Decoded, Tally, decode};
+use crate::record::{Head, index_entries, indexed_messages, op};
+use crate::segment::{Damage, Decoded, INDEX_LIMIT, MessageRef, Tally, decode};
 use crate::source::Source;
 use crate::summary::Contents;
 use bytes::Bytes;
@@ -13,22 +13,44 @@ use std::sync::{Mutex, PoisonError};
 
 /// Chunks with larger contents are decompressed one at a time, so that memory stays bounded.
 const LARGE_CHUNK: usize = 16 << 20;
+
+/// The message indexes after a chunk.
+#[derive(Default)]
+pub(crate) struct Indexes {
+    /// Number of messages that those directly after it count.
+    pub(crate) count: u64,
+    /// Those after damage. They may belong to a chunk that the damage has taken.
+    pub(crate) doubtful: Vec<DoubtfulIndex>,
+}
+
+/// A message index of which it is not known to what chunk it belongs.
+pub(crate) struct DoubtfulIndex {
+    /// Offset and length of the body of its record.
+    pub(crate) start: u64,
+    pub(crate) body: u64,
+    /// Number of messages that it counts.
+    pub(crate) count: u64,
+}
+
 /// What the second pass keeps of a chunk.
 struct Checked {
     tally: Tally,
     contents: u64,
     damage: Option<Damage>,
+    /// Number of messages that its own indexes count, and that the indexes of a skipped chunk count.
+    indexed: u64,
+    skipped: u64,
 }
 
 /// A schema or channel in a chunk: whether that chunk is damaged, its number, and the body of its record.
 type Definition = (bool, usize, Bytes);
 
-/// Checks all chunks on all processors. `indexed` gives the number of messages that the indexes after a segment count.
-/// Returns the channels that have messages in sound segments.
+/// Checks all chunks on all processors. `indexes` are the message indexes after a segment. Returns the channels that have
+/// messages in sound segments.
 pub(crate) fn check_chunks(
     source: &Source,
     contents: &mut Contents,
-    indexed: &BTreeMap<usize, u64>,
+    indexes: &BTreeMap<usize, Indexes>,
     lost: &mut Lost,
 ) -> BTreeSet<u16> {
     let mut sound: BTreeSet<u16> = contents.counts.keys().copied().collect();
@@ -55,7 +77,8 @@ pub(crate) fn check_chunks(
             );
             let tally = Tally::of(&decoded.messages);
             let size = decoded.contents.len() as u64;
-            let result = Checked { tally, contents: size, damage: decoded.damage };
+            let (indexed, skipped) = indexed(source, indexes.get(&index), &decoded.messages);
+            let result = Checked { tally, contents: size, damage: decoded.damage, indexed, skipped };
             checked.lock().unwrap_or_else(PoisonError::into_inner).insert(index, result);
         }
     };
@@ -80,7 +103,8 @@ pub(crate) fn check_chunks(
         for (channel, count) in checked.tally.counts {
             *contents.counts.entry(channel).or_insert(0) += count;
         }
-        let mut missing = indexed.get(&index).map_or(0, |&count| count.saturating_sub(found));
+        lost.messages += checked.skipped;
+        let mut missing = checked.indexed.saturating_sub(found);
         if let Some(damage) = checked.damage {
             missing = missing.max(damage.lost_messages);
             *lost += Lost { bytes: damage.lost_bytes, messages: missing };
@@ -97,6 +121,30 @@ pub(crate) fn check_chunks(
         }
     }
     sound
+}
+
+/// Number of messages that the indexes of a chunk count, and that the indexes after it of a skipped chunk count.
+fn indexed(source: &Source, indexes: Option<&Indexes>, messages: &[MessageRef]) -> (u64, u64) {
+    let Some(indexes) = indexes else { return (0, 0) };
+    let (mut own, mut skipped) = (indexes.count, 0);
+    for index in &indexes.doubtful {
+        let body = (index.body <= INDEX_LIMIT).then(|| source.read(index.start, index.body as usize));
+        if body.is_some_and(|body| body.is_ok_and(|body| is_index_of(&body, messages))) {
+            own += index.count;
+        } else {
+            skipped += index.count;
+        }
+    }
+    (own, skipped)
+}
+
+/// Whether a message index with this body lists one of the messages, which are in file order.
+fn is_index_of(body: &[u8], messages: &[MessageRef]) -> bool {
+    let Some((channel, _)) = indexed_messages(body) else { return false };
+    index_entries(body).any(|(time, offset)| {
+        let at = messages.binary_search_by_key(&offset, |message| u64::from(message.offset));
+        at.is_ok_and(|at| messages[at].time == time && messages[at].channel == channel)
+    })
 }
 
 /// Keeps each schema and channel once: the first one in a sound chunk, else the first in a damaged one.

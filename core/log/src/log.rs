@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const CACHE_BYTES: usize = 64 << 20;
 /// A log up to this size, compressed and uncompressed, is checked completely when it is opened; a larger one as it is
 /// read.
-const CHECKED_WHOLE: u64 = 32 << 20;
+pub(crate) const CHECKED_WHOLE: u64 = 32 << 20;
 
 /// Greatest number of problems that concern single messages.
 const REPORTED_AT_LIMIT: usize = 1000;
@@ -83,6 +83,7 @@ fn what_begins(front: &[u8]) -> String {
         b"#ROSBAG " => format!("a bag of ROS 1, {CONVERT}"),
         b"SQLite f" => format!("an SQLite database, such as a bag of ROS 2 (.db3), {CONVERT}"),
         [b'U', b'L', b'o', b'g', ..] => "a ULog of PX4".to_owned(),
+        [0x28, 0xb5, 0x2f, 0xfd, ..] => "a file compressed as a whole, which `zstd -d` unpacks".to_owned(),
         _ => front.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" "),
     }
 }
@@ -111,19 +112,21 @@ impl Log {
     }
 
     fn from_source(source: Source, by_index: bool) -> Result<Self, LogError> {
-        let opened = Self::open_source(&source, by_index)?;
+        let mut most = CHECKED_WHOLE;
+        let opened = Self::open_source(&source, by_index, &mut most)?;
         let gaps = gaps(&source, &opened.contents.segments)?;
         Ok(Self::new(source, opened, gaps, Parts::default()))
     }
 
-    pub(crate) fn open_source(source: &Source, by_index: bool) -> Result<Opened, LogError> {
+    /// Opens a file. If its size, compressed and uncompressed, is at most `most`, it is checked, and `most` is reduced by it.
+    pub(crate) fn open_source(source: &Source, by_index: bool, most: &mut u64) -> Result<Opened, LogError> {
         let front = source.read(0, source.length().min(MAGIC.len() as u64) as usize)?;
         if front != MAGIC.as_slice() {
             return Err(LogError::NotALog { got: what_begins(&front), path: source.path().to_owned() });
         }
         if by_index {
             match summary::read(source)? {
-                Ok(summary) => open_with(source, &summary),
+                Ok(summary) => open_with(source, &summary, most),
                 Err(why) => open_by_scan(source, None, why),
             }
         } else {
@@ -284,6 +287,10 @@ impl Log {
         let catalog = &inner.catalog;
         inner.parts.map_channels(segment, &mut decoded.messages);
         decoded.messages.retain(|message| catalog.channels.contains_key(&message.channel));
+        if segment.channels.is_none() {
+            let counts = Tally::of(&decoded.messages).counts;
+            segment.found.get_or_init(|| counts.into_iter().map(|(channel, _)| channel).collect());
+        }
         for message in &mut decoded.messages {
             message.time = message.time.clamp(segment.first, segment.last);
         }
@@ -339,13 +346,13 @@ pub(crate) fn place_of(segment: u32, message: MessageRef) -> MessagePosition {
     MessagePosition { time: Stamp(message.time), segment, offset: message.offset + 1 }
 }
 
-fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
+fn open_with(source: &Source, summary: &Summary, most: &mut u64) -> Result<Opened, LogError> {
     let mut verified = 0;
     let contents = match summary::contents(source, summary)? {
         Ok(contents) => contents,
         Err(why) => return open_by_scan(source, Some(summary), why),
     };
-    if source.length() <= CHECKED_WHOLE {
+    if source.length() <= *most {
         // The sizes in the index are checked first, because they decide whether the rest is checked, too.
         for segment in &contents.segments {
             if stated_size(source, segment)? != Some(segment.contents) {
@@ -354,11 +361,12 @@ fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
             }
         }
         let size = contents.segments.iter().fold(0u64, |sum, segment| sum.saturating_add(segment.contents));
-        if size <= CHECKED_WHOLE {
+        if size <= *most {
             if let Some(why) = check_whole(source, &contents, summary)? {
                 return open_by_scan(source, Some(summary), why);
             }
             verified = contents.segments.len() as u64;
+            *most -= size.max(source.length());
         }
     }
     Ok(Opened { contents, verified, ..Opened::default() })

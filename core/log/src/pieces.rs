@@ -80,7 +80,7 @@ impl Log {
 
 impl Log {
     /// Calls `take` for the times of the messages of a piece that the options select, in order, by the index behind it:
-    /// the piece itself is not read. `false` if it has no index.
+    /// the piece itself is not read. `false`, without a call, if it has no index, or one that is damaged or too large.
     pub fn read_times(
         &self,
         piece: &Piece,
@@ -98,11 +98,10 @@ impl Log {
         loop {
             let left = inner.source.length().saturating_sub(at);
             let front = inner.source.read(at, left.min(PROBE as u64) as usize)?;
-            let head = Head::read(&front)
-                .filter(|head| head.op == op::MESSAGE_INDEX && head.plausible(&front[HEAD..]));
-            let Some(head) = head.filter(|head| head.length() <= left && head.body <= INDEX_LIMIT) else {
-                break;
-            };
+            let Some(head) = Head::read(&front).filter(|head| head.op == op::MESSAGE_INDEX) else { break };
+            if !head.plausible(&front[HEAD..]) || head.length() > left || head.body > INDEX_LIMIT {
+                return Ok(false);
+            }
             is_indexed = true;
             let channel = indexed_messages(&front[HEAD..]).map_or(0, |(channel, _)| channel);
             let channel = channels.map_or(Some(channel), |channels| channels.get(&channel).copied());

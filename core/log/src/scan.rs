@@ -3,7 +3,7 @@
 //! The first pass, in this file, goes from record to record by their lengths, and searches for the next record after a
 //! damaged one. The second pass, in [`crate::check`], decompresses and checks every chunk.
 
-use crate::check::{check_chunks, settle_undefined};
+use crate::check::{DoubtfulIndex, Indexes, check_chunks, settle_undefined};
 use crate::error::LogError;
 use crate::info::Lost;
 use crate::record::{ChunkHead, HEAD, Head, MAGIC, MessageHead, PROBE, Section, indexed_messages, op};
@@ -11,6 +11,7 @@ use crate::segment::Segment;
 use crate::source::{Source, Window};
 use crate::summary::{Contents, Summary, body_of, counts_of};
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// A run of records outside of chunks is closed at this size, so that it can be read like a chunk.
 const RUN_BYTES: u64 = 1 << 20;
@@ -27,10 +28,10 @@ pub(crate) struct Scanned {
 pub(crate) fn scan(source: &Source, summary: Option<&Summary>) -> Result<Scanned, LogError> {
     let mut hops = Hops::new(source, summary);
     hops.run()?;
-    let Hops { mut contents, mut lost, indexed, .. } = hops;
+    let Hops { mut contents, mut lost, indexes, .. } = hops;
     // Statistics are used only if their checksum is valid.
     contents.catalog.statistics = summary.and_then(|summary| summary.catalog.statistics.clone());
-    let sound = check_chunks(source, &mut contents, &indexed, &mut lost);
+    let sound = check_chunks(source, &mut contents, &indexes, &mut lost);
     settle_undefined(&mut contents, &mut lost, &sound);
     let found: u64 = contents.counts.values().sum();
     if let Some(statistics) = &contents.catalog.statistics {
@@ -56,10 +57,11 @@ struct Hops<'a> {
     contents: Contents,
     lost: Lost,
     run: Option<Run>,
-    /// The chunk to which the next message indexes belong.
+    /// The last chunk, to which the next message indexes belong unless there is damage between them.
     last_chunk: Option<usize>,
-    /// Number of messages that the message indexes after a chunk count, by segment.
-    indexed: BTreeMap<usize, u64>,
+    damaged_since_chunk: bool,
+    /// The message indexes after a chunk, by segment.
+    indexes: BTreeMap<usize, Indexes>,
     /// Whether there are compressed chunks, and messages outside of chunks.
     compressed: bool,
     loose: bool,
@@ -104,7 +106,8 @@ impl<'a> Hops<'a> {
             lost: Lost::default(),
             run: None,
             last_chunk: None,
-            indexed: BTreeMap::new(),
+            damaged_since_chunk: false,
+            indexes: BTreeMap::new(),
             compressed: false,
             loose: false,
             data_ended: false,
@@ -177,8 +180,12 @@ impl<'a> Hops<'a> {
             op::MESSAGE_INDEX => {
                 let count =
                     indexed_messages(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |(_, count)| count);
-                match self.last_chunk {
-                    Some(chunk) => *self.indexed.entry(chunk).or_insert(0) += count,
+                match self.last_chunk.map(|chunk| self.indexes.entry(chunk).or_default()) {
+                    Some(indexes) if self.damaged_since_chunk => {
+                        let start = at + HEAD as u64;
+                        indexes.doubtful.push(DoubtfulIndex { start, body: head.body, count });
+                    }
+                    Some(indexes) => indexes.count += count,
                     // The chunk before it was skipped.
                     None => self.lost.messages += count,
                 }
@@ -226,6 +233,7 @@ impl<'a> Hops<'a> {
             first: run.first,
             last: run.last,
             channels: Some(run.counts.into_keys().collect()),
+            found: OnceLock::new(),
             contents: run.end - run.start,
         });
     }
@@ -236,6 +244,7 @@ impl<'a> Hops<'a> {
         self.compressed |= chunk.as_ref().is_some_and(|chunk| !chunk.compression.is_empty());
         let contents = chunk.map_or(0, |chunk| chunk.uncompressed);
         self.last_chunk = Some(self.contents.segments.len());
+        self.damaged_since_chunk = false;
         // The second pass computes times and channels.
         self.contents.segments.push(Segment {
             start: at,
@@ -244,6 +253,7 @@ impl<'a> Hops<'a> {
             first: 0,
             last: 0,
             channels: None,
+            found: OnceLock::new(),
             contents,
         });
         Ok(())
@@ -290,7 +300,7 @@ impl<'a> Hops<'a> {
 
     fn lose(&mut self, from: u64, to: u64, what: &str) {
         self.close_run();
-        self.last_chunk = None;
+        self.damaged_since_chunk = true;
         self.lost.bytes += to - from;
         self.contents.problems.add(format!("{what} from byte {from} to {to}"));
     }

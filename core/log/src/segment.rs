@@ -8,6 +8,7 @@ use crate::record::{ChunkHead, HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, ind
 use crate::source::{Source, Stream};
 use bytes::Bytes;
 use std::io::Read;
+use std::sync::OnceLock;
 
 /// Greatest size of contents that are read, so that memory stays bounded.
 pub(crate) const SEGMENT_LIMIT: u64 = 192 << 20;
@@ -15,7 +16,7 @@ pub(crate) const SEGMENT_LIMIT: u64 = 192 << 20;
 const PIECEWISE_FROM: u64 = 16 << 20;
 /// Contents that are larger than their chunk states are read up to this size, because the stated size may be damaged.
 const WRONG_SIZE_LIMIT: usize = 64 << 20;
-/// Greatest size of message indexes that are read to check a chunk's times.
+/// Greatest size of message indexes that are read.
 pub(crate) const INDEX_LIMIT: u64 = 1 << 20;
 
 /// Position and content of a segment.
@@ -32,6 +33,8 @@ pub(crate) struct Segment {
     pub(crate) last: u64,
     /// Channels of its messages, ascending; `None` if the log does not say.
     pub(crate) channels: Option<Box<[u16]>>,
+    /// Channels of its messages, ascending, where the log does not say: known once it has been read.
+    pub(crate) found: OnceLock<Box<[u16]>>,
     /// Size of the contents according to the log.
     pub(crate) contents: u64,
 }
@@ -43,7 +46,8 @@ impl Segment {
 
     /// Whether it may have a message of that channel.
     pub(crate) fn may_hold(&self, channel: u16) -> bool {
-        self.channels.as_ref().is_none_or(|channels| channels.binary_search(&channel).is_ok())
+        let channels = self.channels.as_ref().or_else(|| self.found.get());
+        channels.is_none_or(|channels| channels.binary_search(&channel).is_ok())
     }
 
     /// Greatest amount of memory that reading it may take.

@@ -1,10 +1,19 @@
-//! The bytes of a log: a file with positioned reads, or memory.
+//! The bytes of a log: a file with positioned reads, several of them, or memory.
 
 use crate::error::LogError;
 use bytes::Bytes;
+use std::collections::VecDeque;
 use std::fs::{File, Metadata};
-use std::os::unix::fs::FileExt;
+use std::io;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Greatest number of files of a split log that are open at a time: the system limits those of a process, often to 1024.
+const MOST_OPEN: usize = 256;
+
+/// Device and inode number of a file.
+type FileId = (u64, u64);
 
 /// Read-only bytes with a length that is fixed when they are opened.
 #[derive(Debug)]
@@ -17,6 +26,8 @@ pub(crate) struct Source {
 #[derive(Debug)]
 enum Medium {
     File(File),
+    /// A file of a split log.
+    Pooled(Arc<Pool>, FileId),
     Memory(Bytes),
     /// Files one after another, with the position of the first byte of each.
     Parts(Vec<(u64, Source)>),
@@ -25,15 +36,15 @@ enum Medium {
 impl Source {
     pub(crate) fn open(path: &Path) -> Result<Self, LogError> {
         let failed = |source| LogError::Open { path: path.to_owned(), source };
-        let regular = |metadata: &Metadata| {
-            metadata.is_file().then_some(()).ok_or_else(|| std::io::Error::other("expected a regular file"))
-        };
-        // Checked before opening, because opening a pipe blocks until it has a writer.
-        path.metadata().and_then(|metadata| regular(&metadata)).map_err(failed)?;
-        let file = File::open(path).map_err(failed)?;
-        let metadata = file.metadata().map_err(failed)?;
-        regular(&metadata).map_err(failed)?;
+        let (file, metadata) = open_regular(path).map_err(failed)?;
         Ok(Self { bytes: Medium::File(file), length: metadata.len(), path: path.to_owned() })
+    }
+
+    /// A file of a split log, which the pool opens again where it has closed it.
+    pub(crate) fn open_in(pool: &Arc<Pool>, path: &Path) -> Result<Self, LogError> {
+        let failed = |source| LogError::Open { path: path.to_owned(), source };
+        let (_, id, length) = pool.open(path).map_err(failed)?;
+        Ok(Self { bytes: Medium::Pooled(Arc::clone(pool), id), length, path: path.to_owned() })
     }
 
     /// Files one after another; each begins at its position.
@@ -68,6 +79,9 @@ impl Source {
     pub(crate) fn read_into(&self, offset: u64, into: &mut [u8]) -> Result<(), LogError> {
         let result = match &self.bytes {
             Medium::File(file) => file.read_exact_at(into, offset),
+            Medium::Pooled(pool, id) => {
+                pool.file(*id, &self.path).and_then(|file| file.read_exact_at(into, offset))
+            }
             Medium::Parts(parts) => return read_parts(parts, offset, into),
             Medium::Memory(bytes) => {
                 let range = usize::try_from(offset)
@@ -98,6 +112,56 @@ impl Source {
         let mut buffer = vec![0; length];
         self.read_into(offset, &mut buffer)?;
         Ok(buffer.into())
+    }
+}
+
+/// A regular file. Checked before opening, too, because opening a pipe blocks until it has a writer.
+fn open_regular(path: &Path) -> io::Result<(File, Metadata)> {
+    let regular = |metadata: Metadata| {
+        if metadata.is_file() { Ok(metadata) } else { Err(io::Error::other("expected a regular file")) }
+    };
+    regular(path.metadata()?)?;
+    let file = File::open(path)?;
+    let metadata = regular(file.metadata()?)?;
+    Ok((file, metadata))
+}
+
+/// The files of a split log, of which a bounded number is open: those that were opened last.
+#[derive(Debug)]
+pub(crate) struct Pool {
+    most: usize,
+    open: Mutex<VecDeque<(FileId, Arc<File>)>>,
+}
+
+impl Default for Pool {
+    fn default() -> Self {
+        Self { most: MOST_OPEN, open: Mutex::default() }
+    }
+}
+
+impl Pool {
+    /// Opens a file; returns it with its identity and its length.
+    fn open(&self, path: &Path) -> io::Result<(Arc<File>, FileId, u64)> {
+        let (file, metadata) = open_regular(path)?;
+        let (file, id) = (Arc::new(file), (metadata.dev(), metadata.ino()));
+        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if open.len() >= self.most {
+            open.pop_front();
+        }
+        open.push_back((id, Arc::clone(&file)));
+        Ok((file, id, metadata.len()))
+    }
+
+    /// The file with this identity, opened again if it was closed; an error if another one is at its path by then.
+    fn file(&self, id: FileId, path: &Path) -> io::Result<Arc<File>> {
+        let open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        let held = open.iter().find(|(other, _)| *other == id).map(|(_, file)| Arc::clone(file));
+        drop(open);
+        if let Some(file) = held {
+            return Ok(file);
+        }
+        let (file, found, _) = self.open(path)?;
+        if found == id { Ok(file) } else { Err(io::Error::other("another file has taken its place")) }
     }
 }
 
@@ -181,5 +245,31 @@ impl<'a> Window<'a> {
         }
         let from = (offset - self.start) as usize;
         Ok(&self.buffer[from..from + length])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_many_files_few_are_open_and_each_is_read_as_the_one_that_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, content: u8| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, [content]).unwrap();
+            path
+        };
+        let pool = Arc::new(Pool { most: 2, ..Pool::default() });
+        let paths: Vec<PathBuf> = (0..4).map(|part| file(&format!("drive_{part}.mcap"), part)).collect();
+        let sources: Vec<Source> = paths.iter().map(|path| Source::open_in(&pool, path).unwrap()).collect();
+        for (content, source) in (0..4u8).zip(&sources).cycle().take(8) {
+            assert_eq!(source.read(0, 1).unwrap()[..], [content]);
+            assert_eq!(pool.open.lock().unwrap().len(), 2);
+        }
+        // A file that is closed is replaced.
+        std::fs::rename(file("other.mcap", 9), &paths[0]).unwrap();
+        let error = sources[0].read(0, 1).unwrap_err().to_string();
+        assert!(error.contains("another file has taken its place"), "{error}");
     }
 }

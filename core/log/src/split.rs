@@ -4,31 +4,58 @@
 use crate::catalog::{Catalog, SchemaRecord};
 use crate::error::LogError;
 use crate::gaps::gaps;
-use crate::log::{Log, Opened};
+use crate::info::Lost;
+use crate::log::{CHECKED_WHOLE, Log, Opened};
 use crate::parts::{Part, Parts};
-use crate::source::Source;
+use crate::source::{Pool, Source};
+use crate::summary::Contents;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 impl Log {
-    /// Opens the parts of a recording that was split into several files as one log, each like [`Log::open`].
+    /// Opens the parts of a recording that was split into several files as one log, each like [`Log::open`]. A part that
+    /// is no log, such as one that was begun when the power failed, is a problem; it is an error if none is a log.
     pub fn open_parts(paths: &[impl AsRef<Path>]) -> Result<Self, LogError> {
-        if let [path] = paths {
-            return Self::open(path);
+        match paths {
+            [path] => Self::open(path),
+            _ => Self::open_parts_checking(paths, CHECKED_WHOLE),
         }
+    }
+
+    /// Like [`Log::open_parts`], with the limit up to which parts are checked: if their files have at most `most` bytes
+    /// together, as many as have at most so many bytes uncompressed.
+    fn open_parts_checking(paths: &[impl AsRef<Path>], most: u64) -> Result<Self, LogError> {
+        let pool = Arc::new(Pool::default());
+        let opened = paths.iter().map(|path| Source::open_in(&pool, path.as_ref()));
+        let files = opened.collect::<Result<Vec<_>, _>>()?;
+        let mut unchecked = if files.iter().map(Source::length).sum::<u64>() <= most { most } else { 0 };
         let mut whole = Opened::default();
         let mut parts = Vec::new();
         let mut sources = Vec::new();
         let mut start = 0;
-        for path in paths {
-            let source = Source::open(path.as_ref())?;
-            let opened = Self::open_source(&source, true)?;
-            let file = path.as_ref().file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let (mut has_log, mut refused) = (false, None);
+        for source in files {
+            let opened = match Self::open_source(&source, true, &mut unchecked) {
+                Err(LogError::NotALog { got, path }) => {
+                    let unread = Opened::unread(source.length(), &got);
+                    refused = refused.or(Some(LogError::NotALog { got, path }));
+                    unread
+                }
+                opened => {
+                    has_log = true;
+                    opened?
+                }
+            };
+            let file = source.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
             let length = source.length();
             let channels = whole.join(opened, start, &file)?;
             parts.push(Part { start, channels });
             sources.push((start, source));
             start += length;
+        }
+        if let Some(error) = refused.filter(|_| !has_log) {
+            return Err(error);
         }
         let source = Source::parts(sources);
         let gaps = gaps(&source, &whole.contents.segments)?;
@@ -37,6 +64,13 @@ impl Log {
 }
 
 impl Opened {
+    /// A part of so many bytes that is no log; `got` says what it is.
+    fn unread(bytes: u64, got: &str) -> Self {
+        let mut contents = Contents::default();
+        contents.problems.add(format!("expected an mcap log, got {got}"));
+        Self { contents, lost: Lost { bytes, messages: 0 }, recovered: true, ..Self::default() }
+    }
+
     /// Adds a part whose first byte is at `start`; returns the numbers of its channels in the whole.
     fn join(&mut self, part: Self, start: u64, file: &str) -> Result<BTreeMap<u16, u16>, LogError> {
         let first = self.contents.segments.len() as u32;
@@ -115,4 +149,30 @@ fn number<T>(known: &BTreeMap<u16, T>, own: u16, is_equal: impl Fn(&T) -> bool) 
         expected: "at most 65,535 channels and schemas".to_owned(),
         got: "more".to_owned(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::writer::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::{MessageEncoding, Schema};
+
+    #[test]
+    fn parts_are_checked_as_far_as_they_are_within_the_limit_together() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = [0, 1, 2].map(|part| {
+            let path = folder.path().join(format!("drive_{part}.mcap"));
+            let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+            let data = b"{}".as_slice().into();
+            let schema = Schema::new("test.Text", MessageEncoding::Json, "jsonschema", data);
+            let channel = writer.add_channel("/text", &schema, &BTreeMap::new()).unwrap();
+            writer.write(channel, WriteHeader::default(), &[b' '; 10_000]).unwrap();
+            writer.finish().unwrap();
+            path
+        });
+        let bytes: u64 = paths.iter().map(|path| path.metadata().unwrap().len()).sum();
+        assert!(bytes < 10_000, "they are compressed");
+        let verified = |most: u64| Log::open_parts_checking(&paths, most).unwrap().info().verified;
+        assert_eq!([40_000, 25_000, bytes, bytes - 1].map(verified), [3, 2, 0, 0]);
+    }
 }

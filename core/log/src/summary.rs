@@ -9,6 +9,7 @@ use crate::source::{Source, Window};
 use bytes::Bytes;
 use mcap::records::{ChunkIndex, Statistics};
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// Size of footer record and closing magic.
 const TAIL: u64 = HEAD as u64 + 20 + 8;
@@ -127,6 +128,7 @@ pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Cont
             first: index.message_start_time,
             last: index.message_end_time,
             channels: (index.message_index_length > 0 || index.uncompressed_size == 0).then_some(channels),
+            found: OnceLock::new(),
             contents: index.uncompressed_size,
         });
         at = end;

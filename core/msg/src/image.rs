@@ -84,8 +84,8 @@ pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
         Format::Depth32 => stretch(rows.depth32(), &mut data),
         Format::Depth64 => stretch(rows.depth64(), &mut data),
         Format::Int32 => stretch(rows.values(|bytes| i32::from_le_bytes(bytes) as f32), &mut data),
-        Format::Uyvy => rows.pixels::<4>(|[u, y0, v, y1]| yuv_pixels(&[y0, y1], u, v, &mut data)),
-        Format::Yuyv => rows.pixels::<4>(|[y0, u, y1, v]| yuv_pixels(&[y0, y1], u, v, &mut data)),
+        Format::Uyvy => yuv422(&rows, [1, 3], [0, 2], &mut data),
+        Format::Yuyv => yuv422(&rows, [0, 2], [1, 3], &mut data),
         Format::Nv12 => nv(&rows, [0, 1], &mut data)?,
         Format::Nv21 => nv(&rows, [1, 0], &mut data)?,
         Format::Bayer(red) => bayer(&rows, red, &mut data),
@@ -284,6 +284,21 @@ fn yuv_pixels(luma: &[u8], u: u8, v: u8, out: &mut Vec<u8>) {
     }
 }
 
+/// Rows of pairs of pixels: the luminance of both, and their common U and V, in the given places of four bytes. In a row
+/// of an odd number of pixels the last one has no V; that of the pair before it counts.
+fn yuv422(rows: &Rows<'_>, luma: [usize; 2], [u, v]: [usize; 2], out: &mut Vec<u8>) {
+    for row in rows.each() {
+        let (pairs, last) = row.as_chunks::<4>();
+        for pair in pairs {
+            yuv_pixels(&luma.map(|place| pair[place]), pair[u], pair[v], out);
+        }
+        if !last.is_empty() {
+            let v = pairs.last().map_or(128, |pair| pair[v]);
+            yuv_pixels(&[last[luma[0]]], last[u], v, out);
+        }
+    }
+}
+
 /// Rows of luminance, then half as many of chrominance: a pair of bytes for each 2×2 pixels, in which U and V have the
 /// given places.
 fn nv(rows: &Rows<'_>, [u, v]: [usize; 2], out: &mut Vec<u8>) -> Result<(), ImageError> {
@@ -368,6 +383,17 @@ mod tests {
         check("32SC1", 2, 8, &[0xff, 0xff, 0xff, 0xff, 1, 0, 0, 0], &[1, 1, 1, 255, 255, 255]);
         check("uyvy", 2, 4, &[128, 16, 128, 235], &[0, 0, 0, 255, 255, 255]);
         check("yuyv", 2, 4, &[81, 90, 81, 240], &[255, 0, 0, 255, 0, 0]);
+    }
+
+    #[test]
+    fn the_last_pixel_of_an_odd_yuv_row_takes_the_colour_that_it_lacks_from_the_pair_before() {
+        let row = [81, 90, 81, 240, 81, 90];
+        let image = raw_image("yuyv", 3, 2, 6, &[row, row].concat());
+        assert_eq!(raw_to_rgb8(&image).expect("yuyv").data, [255u8, 0, 0].repeat(6));
+        check("uyvy", 3, 6, &[90, 81, 240, 81, 90, 81], &[255u8, 0, 0].repeat(3));
+        // There is no pair before it.
+        check("yuyv", 1, 2, &[235, 128], &[255; 3]);
+        check("uyvy", 1, 2, &[128, 16], &[0; 3]);
     }
 
     #[test]

@@ -505,6 +505,13 @@ fn lengths_that_the_message_cannot_hold_reserve_nothing() {
     assert!(grown < 64 << 20, "memory grew by {grown} bytes");
 }
 
+#[test]
+fn a_message_that_rosbag2_has_compressed_by_itself_says_so() {
+    let frame = Bytes::from_static(&[0x28, 0xb5, 0x2f, 0xfd, 0x20, 5, 0x29, 0, 0, 0, 1, 0, 0, 7]);
+    let error = schema("a/msg/A", "uint8 x").value(&frame).expect_err("it is compressed").to_string();
+    assert!(error.contains("compression mode `message`") && error.contains("`ros2 bag convert`"), "{error}");
+}
+
 /// Peak resident memory of this process, bytes; 0 if the system does not report it.
 fn peak_bytes() -> usize {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

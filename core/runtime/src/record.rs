@@ -154,15 +154,11 @@ impl Recording {
         let mut metadata = spec.metadata.clone();
         metadata.insert(WRITER.to_owned(), writer);
         let channel = handle.add_channel_with(&spec.name, &spec.schema, metadata, plan.codec)?;
-        let least_ns = plan.record_hz.map(|hz| (1e9 / hz) as u64);
-        let mut due = Stamp(0);
+        let mut limit = plan.record_hz.map(Limit::new);
         Ok(Box::new(move |sample: &Sample| {
             let header = &sample.header;
-            if let Some(least_ns) = least_ns {
-                if header.log_time < due {
-                    return;
-                }
-                due = header.log_time.after_ns(least_ns);
+            if limit.as_mut().is_some_and(|limit| !limit.takes(header.log_time)) {
+                return;
             }
             let header = WriteHeader {
                 sequence: header.sequence as u32,
@@ -193,6 +189,31 @@ impl Recording {
     /// Writes what is queued, and the summary.
     pub fn finish(self) -> Result<RecorderStatus, RunError> {
         Ok(self.recorder.finish()?)
+    }
+}
+
+/// Limits how many messages of a buffer are recorded per second, on average.
+struct Limit {
+    period_ns: u64,
+    /// The next message is recorded from this time on; `None` before the first one.
+    due: Option<Stamp>,
+}
+
+impl Limit {
+    fn new(hz: f64) -> Self {
+        Self { period_ns: (1e9 / hz) as u64, due: None }
+    }
+
+    /// Whether a message with this log time is recorded.
+    fn takes(&mut self, time: Stamp) -> bool {
+        if self.due.is_some_and(|due| time < due) {
+            return false;
+        }
+        // A message that comes late does not delay the next ones, because with jitter that would halve a rate that equals
+        // the limit. One that is later than a period comes after a pause, which is not made up for.
+        let next = self.due.map(|due| due.after_ns(self.period_ns)).filter(|next| *next >= time);
+        self.due = Some(next.unwrap_or_else(|| time.after_ns(self.period_ns)));
+        true
     }
 }
 
@@ -233,4 +254,34 @@ pub(crate) fn writer_of(plan: &Plan, buffer: &str) -> String {
     let processes = plan.processes.iter().filter(|process| process.outputs.iter().any(|&index| is(index)));
     let writers: Vec<_> = log.into_iter().chain(processes.map(|process| &*process.name)).collect();
     writers.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which of these times, ms, are recorded.
+    fn recorded(hz: f64, times_ms: impl IntoIterator<Item = f64>) -> Vec<f64> {
+        let mut limit = Limit::new(hz);
+        times_ms.into_iter().filter(|time_ms| limit.takes(Stamp((time_ms * 1e6) as u64))).collect()
+    }
+
+    #[test]
+    fn a_buffer_whose_rate_is_the_limit_is_recorded_although_its_times_jitter() {
+        let jittered = [0.0, 100.0, 199.9, 300.0, 399.9];
+        assert_eq!(recorded(10.0, jittered), [0.0, 100.0, 300.0, 399.9]);
+        // Early by 0 to 5 ms; the first one by 0 ms.
+        let early_ms = |i: u32| f64::from(i * 7919 % 5000) / 1000.0;
+        let minute = recorded(10.0, (0..600).map(|i| f64::from(i) * 100.0 + 5.0 - early_ms(i)));
+        assert_eq!(minute.len(), 599);
+    }
+
+    #[test]
+    fn no_more_than_the_limit_is_recorded_also_after_a_pause() {
+        let exact = (0..20).map(|i| f64::from(i) * 50.0);
+        assert_eq!(recorded(10.0, exact), (0..10).map(|i| f64::from(i) * 100.0).collect::<Vec<_>>());
+        // Ten seconds at 25 Hz.
+        assert_eq!(recorded(10.0, (0..250).map(|i| f64::from(i) * 40.0)).len(), 100);
+        assert_eq!(recorded(10.0, [0.0, 10_000.0, 10_050.0, 10_100.0, 10_150.0]), [0.0, 10_000.0, 10_100.0]);
+    }
 }

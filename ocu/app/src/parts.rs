@@ -11,7 +11,10 @@ pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     }
     let entries = std::fs::read_dir(path).map_err(|error| usage(format!("{error}: {}", path.display())))?;
     let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    files.retain(|file| file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap")));
+    let is_compressed = files.iter().any(|file| {
+        has_ending(file, "zstd") && file.file_stem().is_some_and(|stem| has_ending(Path::new(stem), "mcap"))
+    });
+    files.retain(|file| has_ending(file, "mcap"));
     let mut numbered: Vec<(Option<(String, u64)>, PathBuf)> =
         files.into_iter().map(|file| (number(&file), file)).collect();
     numbered.sort_by(|a, b| a.0.cmp(&b.0));
@@ -19,6 +22,10 @@ pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let are_parts =
         numbered.windows(2).all(|pair| stem(&pair[0]).is_some() && stem(&pair[0]) == stem(&pair[1]));
     match numbered.len() {
+        0 if is_compressed => Err(usage(format!(
+            "the folder has no .mcap file, but compressed ones (.mcap.zstd), which `zstd -d` unpacks: {}",
+            path.display()
+        ))),
         0 => Err(usage(format!("the folder has no .mcap file: {}", path.display()))),
         _ if !are_parts => Err(usage(format!(
             "the folder has several recordings; expected the parts of one, as NAME_0.mcap and NAME_1.mcap, or the path \
@@ -46,6 +53,10 @@ fn continued(first: &Path) -> Vec<PathBuf> {
     files
 }
 
+fn has_ending(file: &Path, ending: &str) -> bool {
+    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
+}
+
 /// The name of a file without its number, and the number.
 fn number(file: &Path) -> Option<(String, u64)> {
     let name = file.file_stem()?.to_str()?;
@@ -70,7 +81,10 @@ mod tests {
         let names = |paths: Vec<PathBuf>| -> Vec<String> {
             paths.iter().map(|path| path.file_name().unwrap().to_string_lossy().into_owned()).collect()
         };
-        assert!(of(folder.path()).unwrap_err().to_string().contains("no .mcap"));
+        assert!(of(folder.path()).unwrap_err().to_string().contains("no .mcap file: "));
+        let compressed = file("drive_0.mcap.zstd");
+        assert!(of(folder.path()).unwrap_err().to_string().contains("(.mcap.zstd), which `zstd -d` unpacks"));
+        std::fs::remove_file(compressed).unwrap();
         let paths: Vec<PathBuf> = (0..12).map(|part| file(&format!("drive_{part}.mcap"))).collect();
         file("metadata.yaml");
         let wanted: Vec<String> = (0..12).map(|part| format!("drive_{part}.mcap")).collect();

@@ -94,6 +94,7 @@ fn a_log_without_its_magic_is_refused_by_name() {
         (&b"#ROSBAG V2.0\n"[..], "got a bag of ROS 1, which `mcap convert`"),
         (b"SQLite format 3\0", "got an SQLite database, such as a bag of ROS 2"),
         (b"ULog\x01\x12\x35\x01", "got a ULog of PX4"),
+        (b"\x28\xb5\x2f\xfd\x04\x58\xb9\x0c", "got a file compressed as a whole, which `zstd -d` unpacks"),
         (b"abc", "got 61 62 63"),
     ] {
         let error = Log::from_bytes(Bytes::from_static(bytes)).unwrap_err().to_string();
@@ -181,6 +182,33 @@ fn an_uncompressed_chunk_with_a_damaged_message_gives_up_that_message_alone() {
             assert_eq!(log.info().lost.messages, 50 - order.len() as u64);
         }
     }
+}
+
+#[test]
+fn a_damaged_message_index_leaves_the_indexes_after_it_to_their_chunk() {
+    let messages: Vec<(usize, u64, usize)> =
+        (0..90).map(|index| (index % 3, 1000 + index as u64, 40)).collect();
+    let bytes = log_of(&messages, WriterOptions { chunk_bytes: 1000, ..WriterOptions::default() });
+    let data_end = records(&bytes).iter().find(|(_, op)| *op == DATA_END).unwrap().0;
+    let first = records(&bytes).iter().find(|(_, op)| *op == MESSAGE_INDEX).unwrap().0;
+    // Bytes of its length: it ends in the next record, or after the end of the log.
+    for byte in [1, 3] {
+        let mut damaged = bytes[..data_end].to_vec();
+        damaged[first + byte] ^= 1;
+        let log = Log::from_bytes(damaged.into()).unwrap();
+        let info = log.info();
+        assert_eq!((info.messages, info.lost.messages), (90, 0), "{:?}", info.problems);
+        assert!(info.lost.bytes > 0, "{:?}", info.problems);
+    }
+    // Indexes of a chunk that is gone do not belong to the chunk before it.
+    let chunks: Vec<usize> =
+        records(&bytes).iter().filter(|(_, op)| *op == CHUNK).map(|(at, _)| *at).collect();
+    let mut damaged = bytes[..data_end].to_vec();
+    damaged[chunks[1]..chunks[1] + 60].fill(0xff);
+    let log = Log::from_bytes(damaged.into()).unwrap();
+    let info = log.info();
+    assert!(info.lost.messages > 0, "{:?}", info.problems);
+    assert_eq!(info.messages + info.lost.messages, 90, "{:?}", info.problems);
 }
 
 #[test]

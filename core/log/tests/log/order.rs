@@ -4,6 +4,10 @@ use crate::common::{log_of, read_all};
 use proptest::prelude::*;
 use rcs_log::{CursorOptions, Log, MessagePosition, Position, TopicId, WriterOptions};
 use rcs_msg::Stamp;
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::sync::Arc;
+use std::time::Duration;
 
 /// Messages of up to four topics, with ties, out of order, over small chunks that overlap in time.
 fn messages() -> impl Strategy<Value = Vec<(usize, u64, usize)>> {
@@ -147,4 +151,47 @@ fn latest_at_keeps_the_order_of_the_topics_asked_for() {
     let found = log.latest_at(Stamp(5), Some(&topics)).unwrap();
     let found: Vec<Option<u32>> = found.into_iter().map(|message| message.map(|m| m.sequence)).collect();
     assert_eq!(found, [Some(2), Some(0), Some(2), None]);
+}
+
+#[test]
+fn times_are_read_by_the_indexes_of_all_channels_or_of_none() {
+    // The second index is too large to be read, and the third lies behind it.
+    let frequent = (1..70_001).map(|time| (1, time, 0));
+    let messages: Vec<(usize, u64, usize)> =
+        [(0, 0, 0)].into_iter().chain(frequent).chain([(2, 70_001, 0)]).collect();
+    let clock: rcs_log::Clock = Arc::new(|| Duration::ZERO);
+    let bytes = log_of(&messages, WriterOptions { chunk_bytes: 64 << 20, clock, ..WriterOptions::default() });
+    let log = Log::from_bytes(bytes).unwrap();
+    let options = CursorOptions::default();
+    let pieces = log.pieces(&options);
+    assert_eq!(pieces.len(), 1);
+    let mut told = 0;
+    assert!(!log.read_times(&pieces[0], &options, |_, _| told += 1).unwrap());
+    assert_eq!(told, 0);
+}
+
+#[test]
+fn without_message_indexes_a_rare_topic_is_searched_for_once() {
+    let options = mcap::WriteOptions::new().compression(None).chunk_size(Some(200));
+    let mut writer = options.emit_message_indexes(false).create(Cursor::new(Vec::<u8>::new())).unwrap();
+    for time in 0..40 {
+        let topic = if time == 0 { "/0" } else { "/1" };
+        let channel_id = writer.add_channel(0, topic, "json", &BTreeMap::new()).unwrap();
+        let (sequence, log_time, publish_time) = (0, time, time);
+        let header = mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time };
+        writer.write_to_known_channel(&header, &[b' '; 100]).unwrap();
+    }
+    writer.finish().unwrap();
+    let log = Log::from_bytes(writer.into_inner().into_inner().into()).unwrap();
+    let rare = topic_ids(&log, &[0]);
+    // The pieces in which it would be searched for.
+    let options = CursorOptions { topics: Some(rare.clone()), ..CursorOptions::default() };
+    let candidates = || log.pieces(&options).len();
+    assert_eq!(candidates() as u64, log.info().segments);
+    assert!(!log.info().recovered && log.info().segments > 5);
+    for _ in 0..2 {
+        let found = log.latest_at(Stamp(100), Some(&rare)).unwrap();
+        assert_eq!(found[0].as_ref().unwrap().log_time, Stamp(0));
+        assert_eq!(candidates(), 1);
+    }
 }

@@ -1,7 +1,7 @@
 //! Recordings that are split into several files, compared with the same messages in one file.
 
 use crate::common::{Numbers, header, read_all, schema};
-use rcs_log::{Log, LogWriter, WriterOptions};
+use rcs_log::{Log, LogError, LogWriter, Lost, WriterOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -77,4 +77,27 @@ fn a_damaged_part_costs_only_its_own_messages_and_is_named() {
     assert_eq!(read_all(&log).len(), alone);
     assert!((121..180).contains(&alone), "{alone}");
     assert!(Log::open_parts(&[paths[0].clone(), folder.path().join("absent_1.mcap")]).is_err());
+}
+
+#[test]
+fn a_part_that_is_no_log_is_named_and_the_others_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = written(folder.path(), &messages(&mut Numbers(9)));
+    let alone = told(&Log::open(&paths[2]).unwrap());
+    let mut wanted: Vec<_> = paths[..2].iter().flat_map(|path| told(&Log::open(path).unwrap())).collect();
+    wanted.sort_by_key(|message| message.1);
+    let last = std::fs::read(&paths[2]).unwrap();
+    std::fs::write(&paths[2], "").unwrap();
+    let log = Log::open_parts(&paths).unwrap();
+    assert_eq!(told(&log), wanted);
+    assert!(log.info().recovered);
+    assert_eq!(log.info().problems, ["drive_2.mcap: expected an mcap log, got nothing"]);
+    // Parts before a log.
+    std::fs::write(&paths[0], "").unwrap();
+    std::fs::write(&paths[1], "text").unwrap();
+    std::fs::write(&paths[2], last).unwrap();
+    let log = Log::open_parts(&paths).unwrap();
+    assert_eq!((told(&log), log.info().lost), (alone, Lost { bytes: 4, messages: 0 }));
+    let error = Log::open_parts(&paths[..2]).unwrap_err();
+    assert!(matches!(error, LogError::NotALog { .. }), "{error}");
 }

@@ -20,6 +20,11 @@ const MAX_PARTS: usize = 4_000_000;
 pub(crate) enum RosError {
     #[error("got encapsulation {got:#06x}, expected 0x0000 or 0x0001, plain CDR")]
     Encapsulation { got: u16 },
+    #[error(
+        "got a message that rosbag2 has compressed (compression mode `message`), expected plain CDR; \
+         `ros2 bag convert` writes a recording without compression"
+    )]
+    Compressed,
     #[error("got {left} bytes, expected {needed} more at byte {at}")]
     Truncated { at: usize, needed: usize, left: usize },
     #[error("got more than {MAX_PARTS} parts in one message")]
@@ -38,6 +43,8 @@ pub(crate) struct Cursor<'a> {
 
 /// Size of the encapsulation header of CDR, bytes.
 const HEADER: usize = 4;
+/// The first bytes of what zstd has compressed.
+const ZSTD: [u8; HEADER] = [0x28, 0xb5, 0x2f, 0xfd];
 
 impl<'a> Cursor<'a> {
     /// A cursor at the start of the message.
@@ -48,6 +55,9 @@ impl<'a> Cursor<'a> {
         let Some((header, body)) = bytes.split_first_chunk::<HEADER>() else {
             return Err(RosError::Truncated { at: 0, needed: HEADER, left: bytes.len() });
         };
+        if *header == ZSTD {
+            return Err(RosError::Compressed);
+        }
         match u16::from_be_bytes([header[0], header[1]]) {
             kind @ (0 | 1) => Ok(Self { body, at: 0, big_endian: kind == 0, wire }),
             got => Err(RosError::Encapsulation { got }),

@@ -80,10 +80,19 @@ pub struct Track {
     pub run: RunTag,
     /// Coordinate frame; [`WGS84`] for geodetic positions.
     pub frame_id: Arc<str>,
-    /// The local frame of geodetic positions: that of the first fix.
+    /// The local frame of geodetic positions: that of the first fix, at the first altitude that is stated.
     pub origin: Option<Enu>,
     /// Its positions.
     pub points: Series<TrackPoint>,
+}
+
+impl Track {
+    /// A position at `time`, m, in the coordinates of [`Track::points`]. Without an altitude it is as high as the last point
+    /// until then.
+    pub fn metres(&self, position: &Position, time: Stamp) -> DVec3 {
+        let last = self.points.count_until(time).checked_sub(1).and_then(|index| self.points.get(index));
+        position.metres(self.origin.as_ref(), last)
+    }
 }
 
 /// The position of a message with a pose.
@@ -103,16 +112,27 @@ pub enum Position {
     /// x, y, z in m.
     Local(DVec3),
     /// Latitude, longitude, altitude.
-    Geodetic(Geodetic),
+    Geodetic {
+        /// The position; its altitude is 0 if it is unknown.
+        fix: Geodetic,
+        /// Whether the altitude is known: some receivers measure none.
+        has_altitude: bool,
+    },
 }
 
 impl Position {
-    /// In metres: in its own frame, or in the local frame of a geodetic track.
-    pub fn metres(&self, origin: Option<&Enu>) -> DVec3 {
+    /// In metres: in its own frame, or in the local frame of a geodetic track, where a position without an altitude is as
+    /// high as the point before it, else at 0.
+    fn metres(&self, origin: Option<&Enu>, before: Option<TrackPoint>) -> DVec3 {
         match (self, origin) {
             (Self::Local(position), _) => *position,
-            (Self::Geodetic(place), Some(origin)) => origin.enu_from_geodetic(place),
-            (Self::Geodetic(_), None) => DVec3::NAN,
+            (Self::Geodetic { fix, has_altitude: true }, Some(origin)) => origin.enu_from_geodetic(fix),
+            (Self::Geodetic { fix, has_altitude: false }, Some(origin)) => {
+                let fix = Geodetic { altitude_m: origin.origin().altitude_m, ..*fix };
+                let z = before.map(|point| point.position_m[2]).filter(|z| z.is_finite()).unwrap_or(0.0);
+                DVec3 { z, ..origin.enu_from_geodetic(&fix) }
+            }
+            (Self::Geodetic { .. }, None) => DVec3::NAN,
         }
     }
 }
@@ -134,8 +154,12 @@ impl<'a> Place<'a> {
             if fix.is_without_position() {
                 return None;
             }
-            let place = Geodetic::new(fix.latitude, fix.longitude, fix.altitude).ok()?;
-            Some(Self { frame_id: WGS84, position: Position::Geodetic(place), yaw_rad: f64::NAN })
+            // A receiver that measures no height says NaN.
+            let has_altitude = !fix.altitude.is_nan();
+            let altitude_m = if has_altitude { fix.altitude } else { 0.0 };
+            let fix = Geodetic::new(fix.latitude, fix.longitude, altitude_m).ok()?;
+            let position = Position::Geodetic { fix, has_altitude };
+            Some(Self { frame_id: WGS84, position, yaw_rad: f64::NAN })
         }
     }
 }
@@ -143,6 +167,8 @@ impl<'a> Place<'a> {
 struct Growing {
     frame_id: Arc<str>,
     origin: Option<Enu>,
+    /// Whether a position has stated the altitude of the origin.
+    has_altitude: bool,
     points: SeriesWriter<TrackPoint>,
     /// For each position, the number of messages of the run up to the one that has it. Empty for a recording, from which
     /// no run branches.
@@ -184,6 +210,7 @@ impl Gathered for Tracks {
             let begun = Growing {
                 frame_id: Arc::clone(&track.frame_id),
                 origin: track.origin,
+                has_altitude: track.has_altitude,
                 points: track.points.fork_first(shared),
                 found_at: track.found_at[..shared].to_vec(),
             };
@@ -223,13 +250,23 @@ impl Tracks {
         let track = self.by_topic.entry(Arc::clone(topic)).or_insert_with(|| Growing {
             frame_id: place.frame_id.into(),
             origin: match &place.position {
-                Position::Geodetic(first) => Some(Enu::new(*first)),
+                Position::Geodetic { fix, .. } => Some(Enu::new(*fix)),
                 Position::Local(_) => None,
             },
+            has_altitude: false,
             points: SeriesWriter::default(),
             found_at: Vec::new(),
         });
-        let position_m = place.position.metres(track.origin.as_ref()).to_array();
+        if let Position::Geodetic { fix, has_altitude: true } = &place.position
+            && let Some(origin) = track.origin.filter(|_| !track.has_altitude)
+        {
+            // The points before have no altitude of their own: they lie as high as this one.
+            let altitude_m = fix.altitude_m;
+            track.origin = Some(Enu::new(Geodetic { altitude_m, ..origin.origin() }));
+            track.has_altitude = true;
+        }
+        let before = track.points.read().last();
+        let position_m = place.position.metres(track.origin.as_ref(), before).to_array();
         track.points.push(TrackPoint { stamp, position_m, yaw_rad: place.yaw_rad });
     }
 

@@ -127,6 +127,30 @@ fn a_receiver_without_a_fix_is_nowhere() {
 }
 
 #[test]
+fn a_fix_without_altitude_is_as_high_as_the_one_before_it() {
+    let fix =
+        |altitude: f64| AnyMessage::new(LocationFix { latitude: 48.0, altitude, ..LocationFix::default() });
+    let altitudes = [f64::NAN, 500.0, f64::NAN, 510.0, f64::NAN];
+    let tracks = tracks((1..).zip(altitudes).map(|(i, altitude)| (i, "/fix", fix(altitude))));
+    let track = tracks.read(RunTag::Recorded).next().unwrap();
+    assert_eq!(track.points.len(), 5);
+    let check = |index: usize, height_m: f64| {
+        let of_point = track.points.get(index).unwrap().position_m[2];
+        // What views show of the message itself.
+        let newest = fix(altitudes[index]);
+        let of_message = track.metres(&Place::of(&newest).unwrap().position, Stamp(index as u64 + 1)).z;
+        for z in [of_point, of_message] {
+            assert!((z - height_m).abs() < 1e-6, "point {index}: {z}, expected {height_m}");
+        }
+    };
+    // The origin has the first altitude that is stated.
+    assert_eq!(track.origin.unwrap().origin().altitude_m, 500.0);
+    for (index, height_m) in [0.0, 0.0, 0.0, 10.0, 10.0].into_iter().enumerate() {
+        check(index, height_m);
+    }
+}
+
+#[test]
 fn a_branch_has_the_positions_that_were_written_before_it_and_no_others() {
     let topic: Arc<str> = "/odometry".into();
     let mut parent = Tracks::default();

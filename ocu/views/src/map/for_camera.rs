@@ -82,7 +82,7 @@ impl Ground {
             let Kind::Track { track, is_ghost: false } = layer.kind else { return None };
             let place = Place::of(layer.topic?.canonical()?)?;
             let scene_from_layer = layers::map_from_layer(frame, scene, layer).ok()?;
-            let z = (scene_from_layer * place.position.metres(track.origin.as_ref())).z;
+            let z = (scene_from_layer * track.metres(&place.position, frame.now)).z;
             z.is_finite().then_some(z)
         };
         Some(Self {

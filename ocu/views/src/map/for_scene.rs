@@ -90,8 +90,7 @@ fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {
             let every = (count / MOST_POINTS).max(1);
             let at = |index: usize| Some(DVec3::from_array(track.points.get(index)?.position_m));
             let place = layer.topic.and_then(|topic| Place::of(topic.canonical()?));
-            let here =
-                place.map(|place| (place.position.metres(track.origin.as_ref()).to_array(), place.yaw_rad));
+            let here = place.map(|place| (track.metres(&place.position, now).to_array(), place.yaw_rad));
             Thing::Track { points: (0..count).step_by(every).filter_map(at).collect(), here }
         }
         Kind::Entities(_) | Kind::Goal(_) | Kind::Arcs(_) | Kind::Mission(_) | Kind::Track { .. } => {

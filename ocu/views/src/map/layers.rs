@@ -393,7 +393,7 @@ impl Tracks {
         let map_from_track = self.placed.get(&layer.name)?.map_from_track?;
         let place =
             Place::of(layer.topic?.canonical()?).filter(|place| *place.frame_id == *track.frame_id)?;
-        let p = map_from_track * place.position.metres(track.origin.as_ref());
+        let p = map_from_track * track.metres(&place.position, frame.now);
         let yaw_rad = if place.yaw_rad.is_nan() {
             course(&track.points, track.points.count_until(frame.now).saturating_sub(1))
         } else {
