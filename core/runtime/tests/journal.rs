@@ -4,13 +4,15 @@
 
 mod common;
 
-use common::{PAIR, PLUGINS, plan, seconds, stepped};
-use rcs_log::Log;
-use rcs_msg::{AnyMessage, foxglove, rcs};
+use common::{PAIR, PLUGINS, newest, plan, seconds, stepped};
+use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::{AnyMessage, DeferredSource as _, Stamp, foxglove, rcs};
+use rcs_runtime::source::{Source, StackSource, Task, finish_idle};
 use rcs_runtime::{
-    Difference, ExternalEvent, Live, LiveOptions, NoAssets, RecordOptions, RecordWhat, RecordedRun,
-    Recording, Replay, RunOptions, Stepped, diff,
+    Difference, EventPlace, ExternalEvent, Live, LiveOptions, NoAssets, PastOptions, RecordOptions,
+    RecordWhat, RecordedRun, Recording, Replay, RunOptions, Stepped, diff,
 };
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -295,4 +297,68 @@ fn a_live_run_with_a_sensor_an_edit_and_a_command_replays_to_its_own_hash() {
     );
     assert!(recorded.end() < RecordedRun::read(&log, PLUGINS).unwrap().end());
     assert_eq!(repeat(&bad).1, None);
+}
+
+/// The journal alone of a live run of a minute, in which the operator changes a parameter near the end.
+fn record_live(path: &Path) {
+    let ms = |ms: u64| Stamp(ms * 1_000_000);
+    let mut run = stepped(PAIR, hashing());
+    run.begin().unwrap();
+    let info = rcs::RunInfo { live: true, ..newest(&run, "/runtime/run") };
+    let event = params(9.0).at(EventPlace { events: 0, time: ms(59_005) });
+    let mut messages = vec![
+        (ms(1000), "/runtime/run", AnyMessage::new(info)),
+        (ms(59_005), "/runtime/journal", AnyMessage::new(event.to_message())),
+    ];
+    // In a live run no two things happen at one time.
+    for (process, first, period) in [("counter", 1010, 10), ("adder", 1012, 25)] {
+        for start in (first..60_000).step_by(period) {
+            let (start, end) = (ms(start), ms(start + 1));
+            let process = process.to_owned();
+            let cycle = rcs::CycleRecord { process, start_ns: start.0, end_ns: end.0, ..Default::default() };
+            messages.push((end, "/runtime/schedule", AnyMessage::new(cycle)));
+        }
+    }
+    messages.sort_by_key(|(time, ..)| *time);
+    let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
+    let mut channels = BTreeMap::new();
+    for (time, topic, message) in &messages {
+        let (channel, sequence) = channels
+            .entry(*topic)
+            .or_insert_with(|| (writer.add_channel(topic, &message.schema(), &BTreeMap::new()).unwrap(), 0));
+        *sequence += 1;
+        let header = WriteHeader { sequence: *sequence, log_time: *time, publish_time: *time };
+        writer.write(*channel, header, &message.bytes()).unwrap();
+    }
+    let end =
+        [("time_ns", ms(60_100).0), ("dropped", 0)].map(|(key, value)| (key.to_owned(), value.to_string()));
+    writer.metadata("run_end", end.into()).unwrap();
+    writer.finish().unwrap();
+}
+
+#[test]
+fn the_past_of_a_repeated_live_run_goes_to_disk_and_goes_on_from_there_with_what_is_still_to_come() {
+    let (folder, path) = folder();
+    record_live(&path);
+    let recorded = RecordedRun::read(&Log::open(&path).unwrap(), PLUGINS).unwrap();
+    let plan = recorded.plan(PLUGINS).unwrap();
+    let past = PastOptions { memory_bytes: 4 << 20, disk_bytes: 1 << 30, folder: folder.path().join("past") };
+    let options = RunOptions { past, ..RunOptions::default() };
+    let mut source = StackSource::repeating(&recorded, &plan, None, options).unwrap();
+    let task = Task::default();
+    source.seek(Stamp::MAX, &task).unwrap();
+    let frame = source.frame();
+    assert!(frame.info.problems.is_empty(), "{:?}", frame.info.problems);
+    let usage = source.session().past_use();
+    assert!(usage.disk_bytes > 0 && usage.with_snapshot > 50, "{usage:?}");
+    // Another run begins from a snapshot on disk.
+    let parameter = |source: &mut StackSource, at: Stamp| {
+        source.seek(at, &task).unwrap();
+        finish_idle(source);
+        source.frame().topic("/counter/count").unwrap().get::<foxglove::Vector3>().unwrap().z
+    };
+    assert_eq!((parameter(&mut source, seconds(59.0)), parameter(&mut source, Stamp::MAX)), (5.0, 9.0));
+    source.seek(seconds(10.0), &task).unwrap();
+    source.write("/counter/params", params(3.0).message).unwrap();
+    assert_eq!((parameter(&mut source, seconds(59.0)), parameter(&mut source, Stamp::MAX)), (3.0, 9.0));
 }

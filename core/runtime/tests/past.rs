@@ -358,13 +358,21 @@ fn several_runs_are_shown_at_one_moment_and_writing_goes_to_the_viewed_one() {
         let left = frame.of_run(Some(RunId(0))).unwrap();
         assert!(!own.is_beside && left.is_beside);
         assert_eq!(left.now, seconds(time.min(10.0)), "the run that was left ended at 10 s");
-        let (now, x) = (left.now, x_of(left));
         assert!(left.topics.iter().all(|topic| topic.run == RunTag::Run(RunId(0)) && !topic.pending));
         // The reference: going there.
         source.switch_run(RunId(0)).unwrap();
-        source.seek(now, &task).unwrap();
+        source.seek(left.now, &task).unwrap();
         finish_idle(&mut source);
-        assert_eq!(x_of(&source.frame()), x, "{time}");
+        let there = source.frame();
+        assert_eq!(content(left), content(&there), "at {time} s");
+        let rates = |frame: &Frame| frame.topics.iter().map(|topic| topic.hz).collect::<Vec<_>>();
+        assert_eq!(rates(left), rates(&there), "at {time} s");
+        for ago_ns in [0, 420_000_000] {
+            let at_ns = left.now.before_ns(ago_ns).0;
+            let place =
+                |frame: &Frame| frame.transforms.lookup("local", "walker", at_ns).unwrap().translation.x;
+            assert_eq!(place(left), place(&there), "{ago_ns} ns before {time} s");
+        }
         source.switch_run(RunId(1)).unwrap();
     }
 }

@@ -1,9 +1,11 @@
-//! Reads the messages of a run in order as it grows, in pieces that another thread can decode: what was kept in memory
-//! is shared, and what is on disk is read there.
+//! Reads the messages of any run, the viewed one or another: in order as the run grows, or those up to a moment.
+//!
+//! A run that grows is read in pieces that another thread can decode: what was kept in memory is shared, and what is on
+//! disk is read there. Up to a moment, only what is in memory is read.
 
 use super::Session;
 use super::pack::PackedSamples;
-use super::runs::RunId;
+use super::runs::{Moment, RunId};
 use super::samples::{Entry, Point, Samples};
 use crate::stack::Plan;
 use rcs_bus::Sample;
@@ -90,6 +92,48 @@ impl Session {
         reader.after = to;
         reader.place += usize::from(is_done);
         Some(Piece { held, after, to, from: stretch.start, until })
+    }
+
+    /// Number of messages of a buffer up to a moment.
+    pub(crate) fn messages_in(&self, at: Moment, buffer: usize) -> u64 {
+        let run = &self.runs[at.run.0 as usize];
+        let index = run.line[run.place_of(&self.stretches, at.event)];
+        let (stretch, at) = (&self.stretches[index], Point { event: at.event, write: at.write });
+        if self.at_stretch == index && self.at() >= at {
+            let samples = self.tape.samples();
+            let done = samples.written[buffer].partition_point(|entry| entry.point <= at);
+            return stretch.newest[buffer] + done as u64;
+        }
+        stretch.messages(buffer, at)
+    }
+
+    /// Messages of these buffers after `from` and up to a moment, as far as they are in memory, in the order of each
+    /// buffer.
+    pub(crate) fn since_in(
+        &self,
+        from: Point,
+        at: Moment,
+        buffers: &[usize],
+        take: &mut dyn FnMut(usize, &Sample),
+    ) {
+        let run = &self.runs[at.run.0 as usize];
+        let log = self.machine.feed.as_ref().map(crate::feed::Feed::log);
+        let place = |event: u64| run.place_of(&self.stretches, event);
+        let line = &run.line[place(from.event)..=place(at.event)];
+        let to = Point { event: at.event, write: at.write };
+        for &index in line {
+            let tape = (self.at_stretch == index && self.at() >= to).then(|| self.tape.samples());
+            let memory = self.stretches[index].samples.memory.as_deref();
+            let Some(samples) = tape.as_deref().or(memory) else { continue };
+            for &buffer in buffers {
+                let written = samples.written[buffer].iter();
+                for entry in written.filter(|entry| entry.point > from && entry.point <= to) {
+                    if let Ok(sample) = entry.sample(log) {
+                        take(buffer, &sample);
+                    }
+                }
+            }
+        }
     }
 }
 

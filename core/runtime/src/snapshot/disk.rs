@@ -21,7 +21,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the format of [`Snapshot::to_bytes`].
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
 /// Bytes that are serialised as a whole instead of one by one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -100,8 +100,19 @@ struct EventOnDisk {
     time: Stamp,
     rank: u32,
     order: u64,
-    /// Start of the cycle that wrote it, its output, and its status; `None` for a cycle.
-    publish: Option<(Stamp, Vec<StagedOnDisk>, Option<Block>)>,
+    kind: EventKindOnDisk,
+}
+
+#[derive(Serialize, Deserialize)]
+enum EventKindOnDisk {
+    Publish {
+        started: Stamp,
+        staged: Vec<StagedOnDisk>,
+        status: Option<Block>,
+    },
+    Cycle,
+    /// The script of the run has the event itself.
+    Write,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -161,8 +172,9 @@ impl Table<'_> {
     }
 
     fn event(&mut self, event: &Event) -> Result<EventOnDisk, RunError> {
-        let publish = match &event.kind {
-            EventKind::Cycle => None,
+        let kind = match &event.kind {
+            EventKind::Cycle => EventKindOnDisk::Cycle,
+            EventKind::Write => EventKindOnDisk::Write,
             EventKind::Publish { started, output } => {
                 let output =
                     output.get().ok_or_else(|| RunError::Snapshot("a cycle is not done".to_owned()))?;
@@ -172,13 +184,11 @@ impl Table<'_> {
                     message: self.message(&item.message),
                 });
                 let staged = staged.collect();
-                Some((*started, staged, output.status.as_ref().map(|status| Block(status.encode()))))
-            }
-            EventKind::Write => {
-                return Err(RunError::Snapshot("a recorded event is still to come".to_owned()));
+                let status = output.status.as_ref().map(|status| Block(status.encode()));
+                EventKindOnDisk::Publish { started: *started, staged, status }
             }
         };
-        Ok(EventOnDisk { time: event.time, rank: event.rank, order: event.order, publish })
+        Ok(EventOnDisk { time: event.time, rank: event.rank, order: event.order, kind })
     }
 
     fn node(&mut self, node: &NodeState) -> Result<NodeOnDisk, RunError> {
@@ -216,10 +226,11 @@ impl Messages {
     }
 
     fn event(&self, event: EventOnDisk) -> Result<Event, RunError> {
-        let kind = match event.publish {
-            None => EventKind::Cycle,
-            Some((started, list, status)) => {
-                let staged = list.iter().map(|item| {
+        let kind = match event.kind {
+            EventKindOnDisk::Cycle => EventKind::Cycle,
+            EventKindOnDisk::Write => EventKind::Write,
+            EventKindOnDisk::Publish { started, staged, status } => {
+                let staged = staged.iter().map(|item| {
                     let message = self.get(item.message)?;
                     Ok(Staged { output: item.output, acq_time: item.acq_time, message })
                 });
@@ -270,7 +281,7 @@ pub(crate) fn message_of(schema: &str, bytes: Vec<u8>) -> Result<AnyMessage, Run
 impl Snapshot {
     /// The snapshot as bytes, including all messages.
     ///
-    /// An error if a state cannot be serialised, or if the run is on a recorded schedule with outstanding writes.
+    /// An error if a state cannot be serialised.
     pub fn to_bytes(&self) -> Result<Vec<u8>, RunError> {
         self.encode(&mut |_| None)
     }

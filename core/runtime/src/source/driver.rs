@@ -391,9 +391,14 @@ impl<W: Fn()> DriverLoop<'_, W> {
             }
             Control::Undo => {
                 self.playback.playing = false;
-                let moved = self.source.undo().map(|_| ());
+                let undone = self.source.undo();
                 self.hands.moved(self.source.now());
-                moved
+                match undone {
+                    Ok(false) => Err(SourceError::Unsupported(
+                        "nothing was written before this moment that could be taken back".to_owned(),
+                    )),
+                    undone => undone.map(|_| ()),
+                }
             }
             Control::Watch(runs) => {
                 self.source.watch(&runs);

@@ -1,7 +1,7 @@
 //! Rates of messages: measured over the last seconds before the newest message, so that a topic that has stopped is
 //! recognised by its age within a few of its periods, however long it has been silent or the run has lasted.
 
-use crate::history::RunSummary;
+use crate::history::{RunId, RunSummary};
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
 use rcs_msg::Stamp;
@@ -12,8 +12,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(super) const WINDOW_NS: u64 = 2_000_000_000;
 /// Greatest number of messages that are used, which is enough for a mean at any rate.
 const MOST: usize = 64;
-/// Times have a resolution of 0.1 ms, with which the range is five days.
-const STEP_NS: u64 = 100_000;
 
 /// Messages per second, from the times of the last ones, newest first; `None` for fewer than two.
 fn rate_hz(newest_first: impl Iterator<Item = u64>) -> Option<f64> {
@@ -31,40 +29,35 @@ fn rate_hz(newest_first: impl Iterator<Item = u64>) -> Option<f64> {
     (age > 0).then(|| f64::from(count) * 1e9 / age as f64)
 }
 
-/// Times of the messages of a buffer in one run, by sequence, in steps since the start.
+/// Times of the messages of a buffer in one run, by sequence.
 #[derive(Clone, Debug, Default)]
-struct MessageTimes(Vec<u32>);
+struct MessageTimes(Vec<Stamp>);
 
 impl MessageTimes {
-    /// Records that the message with this sequence (from 1) was written at `since_start_ns`. Known times are kept,
-    /// because a part of a run that is executed again is the same.
-    fn take(&mut self, sequence: u64, since_start_ns: u64) {
+    /// Records that the message with this sequence (from 1) was written at `time`. Known times are kept, because a part
+    /// of a run that is executed again is the same.
+    fn take(&mut self, sequence: u64, time: Stamp) {
         if sequence as usize > self.0.len() {
             // Messages that were not seen were written at this time at the latest.
-            self.0.resize(sequence as usize, steps(since_start_ns));
+            self.0.resize(sequence as usize, time);
         }
     }
 
-    /// The times for a run that branches from this one, and shares so many messages with it.
-    fn fork(&self, since_start_ns: u64, shared: u64) -> Self {
-        let kept = self.0.partition_point(|&time| time <= steps(since_start_ns));
+    /// The times for a run that branches from this one at `time`, and shares so many messages with it.
+    fn fork(&self, time: Stamp, shared: u64) -> Self {
+        let kept = self.0.partition_point(|&known| known <= time);
         Self(self.0[..kept.min(shared as usize)].to_vec())
     }
 
     /// The rate at the message with this sequence.
     fn rate_hz(&self, newest: u64) -> Option<f64> {
         let known = &self.0[..self.0.len().min(newest as usize)];
-        rate_hz(known.iter().rev().map(|&time| u64::from(time) * STEP_NS))
+        rate_hz(known.iter().rev().map(|time| time.0))
     }
-}
-
-fn steps(since_start_ns: u64) -> u32 {
-    u32::try_from(since_start_ns / STEP_NS).unwrap_or(u32::MAX)
 }
 
 /// Times of the messages of each buffer, in every run of the stack.
 pub(super) struct RunTimes {
-    start: Stamp,
     inner: Arc<Mutex<Inner>>,
 }
 
@@ -77,30 +70,27 @@ struct Inner {
 impl RunTimes {
     /// Records the time of each message of each buffer.
     pub(super) fn tap(run: &Stepped) -> Self {
-        let start = run.start();
         let first = vec![MessageTimes::default(); run.buffers().len()];
         let inner = Arc::new(Mutex::new(Inner { runs: vec![first], current: 0 }));
         for (index, buffer) in run.buffers().iter().enumerate() {
             let inner = Arc::clone(&inner);
             buffer.tap_once(Box::new(move |sample: &Sample| {
-                let since_start_ns = sample.header.log_time.0.saturating_sub(start.0);
                 let inner = &mut *inner.lock().unwrap_or_else(PoisonError::into_inner);
-                inner.runs[inner.current][index].take(sample.header.sequence, since_start_ns);
+                inner.runs[inner.current][index].take(sample.header.sequence, sample.header.log_time);
             }));
         }
-        Self { start, inner }
+        Self { inner }
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The times of the messages of a buffer in a run, to 0.1 ms.
+    /// The times of the messages of a buffer in a run.
     pub(super) fn of(&self, run: usize, buffer: usize) -> Vec<Stamp> {
         let inner = self.lock();
         let times = inner.runs.get(run).and_then(|buffers| buffers.get(buffer));
-        let stamp = |steps: &u32| self.start.after_ns(u64::from(*steps) * STEP_NS);
-        times.map(|times| times.0.iter().map(stamp).collect()).unwrap_or_default()
+        times.map(|times| times.0.clone()).unwrap_or_default()
     }
 
     /// Sets the run of what is written from now on. A new run begins with what it shares with the one that it branched
@@ -110,9 +100,8 @@ impl RunTimes {
         for run in &runs[inner.runs.len().min(runs.len())..] {
             let times = match run.branched_from {
                 Some((from, time)) => {
-                    let since_start_ns = time.0.saturating_sub(self.start.0);
                     let parent = inner.runs[from.run.0 as usize].iter().enumerate();
-                    parent.map(|(buffer, times)| times.fork(since_start_ns, shared[buffer])).collect()
+                    parent.map(|(buffer, times)| times.fork(time, shared[buffer])).collect()
                 }
                 None => vec![MessageTimes::default(); inner.runs[0].len()],
             };
@@ -121,10 +110,9 @@ impl RunTimes {
         inner.current = current;
     }
 
-    /// The rate of a buffer at its message with this sequence, in the current run.
-    pub(super) fn rate_hz(&self, buffer: usize, newest: u64) -> Option<f64> {
-        let inner = self.lock();
-        inner.runs[inner.current][buffer].rate_hz(newest)
+    /// The rate of a buffer in a run at its message with this sequence.
+    pub(super) fn rate_hz(&self, run: RunId, buffer: usize, newest: u64) -> Option<f64> {
+        self.lock().runs[run.0 as usize][buffer].rate_hz(newest)
     }
 }
 
@@ -185,15 +173,16 @@ mod tests {
     #[test]
     fn going_back_shows_the_rate_of_then_and_another_run_has_its_own() {
         let mut times = MessageTimes::default();
-        (1..=10).for_each(|i| times.take(i, i * 100_000_000));
-        let mut other = times.fork(1_000_000_000, 10);
-        (11..=40).for_each(|i| times.take(i, 1_000_000_000 + (i - 10) * 10_000_000));
+        let branch = Stamp(1_000_000_000);
+        (1..=10).for_each(|i| times.take(i, Stamp(i * 100_000_000)));
+        let mut other = times.fork(branch, 10);
+        (11..=40).for_each(|i| times.take(i, branch.after_ns((i - 10) * 10_000_000)));
         assert_eq!(times.rate_hz(10), Some(10.0));
-        (11..=12).for_each(|i| other.take(i, 1_000_000_000 + (i - 10) * 1_000_000_000));
+        (11..=12).for_each(|i| other.take(i, branch.after_ns((i - 10) * 1_000_000_000)));
         assert_eq!(other.rate_hz(12), Some(1.0));
-        (11..=12).for_each(|i| times.take(i, 9_000_000_000));
+        (11..=12).for_each(|i| times.take(i, Stamp(9_000_000_000)));
         assert!(times.rate_hz(40).is_some_and(|hz| hz > 20.0), "done again, nothing changes");
         assert_eq!((times.rate_hz(1), times.rate_hz(0)), (None, None));
-        assert_eq!(times.fork(1_000_000_000, 3).0.len(), 3, "of one time, only what is shared");
+        assert_eq!(times.fork(branch, 3).0.len(), 3, "of one time, only what is shared");
     }
 }

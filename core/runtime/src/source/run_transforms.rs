@@ -8,6 +8,8 @@ use std::sync::Arc;
 
 /// What is drawn was acquired in the last seconds, so older poses are not needed.
 const HISTORY_NS: u64 = 10_000_000_000;
+/// After a jump, poses of this time before are used if they are in memory.
+pub(crate) const POSES_NS: u64 = 1_000_000_000;
 
 /// Transforms up to the viewed moment.
 pub(crate) struct RunTransforms {

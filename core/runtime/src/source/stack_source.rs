@@ -1,5 +1,6 @@
 //! A stack as a source, with or without a log. Recorded and computed topics are shown side by side.
 
+use super::beside::Beside;
 use super::compared::Compared;
 use super::comparison::{Comparing, Subject};
 use super::entities::EntityWatch;
@@ -13,7 +14,7 @@ use super::rates::RunTimes;
 use super::recording::SourceRecording;
 use super::recording_state::RecordingEnd;
 use super::run_tag::RunTag;
-use super::run_transforms::RunTransforms;
+use super::run_transforms::{POSES_NS, RunTransforms};
 use super::tracks::Tracks;
 use super::{Source, SourceError, Step, Task};
 use crate::conversion::canonical;
@@ -35,8 +36,6 @@ use std::sync::Arc;
 
 /// A forward move by less than this through dropped messages executes them at once, because the source plays or steps.
 const STEP_NS: u64 = 500_000_000;
-/// After a jump, poses of this time before are used if they are in memory.
-const POSES_NS: u64 = 1_000_000_000;
 
 /// A stack that can go forward and back.
 pub struct StackSource {
@@ -57,8 +56,7 @@ pub struct StackSource {
     /// The viewed time: that of an event of the run, or later if nothing has happened since.
     pub(super) now: Stamp,
     runs: Arc<[crate::RunSummary]>,
-    /// Runs that are shown beside the viewed one.
-    watched: Vec<RunId>,
+    beside: Beside,
     comparing: Comparing,
     problems: usize,
     /// Number of problems of the log that have been reported.
@@ -183,7 +181,7 @@ impl StackSource {
             placing,
             now,
             runs: Arc::new([]),
-            watched: Vec::new(),
+            beside: Beside::default(),
             comparing: Comparing::default(),
             problems: 0,
             log_problems: log.map_or(0, |log| log.info().problems.len()),
@@ -274,6 +272,7 @@ impl StackSource {
     }
 
     fn update_topics(&mut self) {
+        let run = self.session.moment().run;
         for (buffer, topic) in self.topics.iter_mut().enumerate() {
             let shown = self.session.latest(buffer);
             topic.pending = shown.pending;
@@ -287,30 +286,8 @@ impl StackSource {
                 topic.set_latest(latest);
             }
             topic.messages = self.session.messages(buffer);
-            topic.hz = self.gathering.times.rate_hz(buffer, topic.messages);
+            topic.hz = self.gathering.times.rate_hz(run, buffer, topic.messages);
         }
-    }
-
-    /// The same moment in the runs that are watched.
-    fn beside(&mut self, frame: &Frame, unwired: &[Topic]) -> Arc<[Arc<Frame>]> {
-        let current = self.session.moment().run;
-        let mut watched = self.watched.clone();
-        watched.retain(|&run| run != current && self.runs.iter().any(|known| known.id == run));
-        let frames = watched.into_iter().map(|run| {
-            let (at, time) = self.session.moment_in(run, self.now);
-            let own = self.topics.iter().enumerate().map(|(buffer, topic)| {
-                let shown = self.session.latest_in(at, buffer);
-                let mut topic = Topic { run: RunTag::Run(run), pending: shown.pending, ..topic.clone() };
-                topic.set_latest(shown.sample);
-                topic
-            });
-            let own: Vec<Topic> = own.collect();
-            let runs = Runs { moment: at, is_at_end: true, filling: None, ..frame.runs.clone() };
-            let topics = unwired.iter().cloned().chain(own).collect();
-            let entities = frame.entities.iter().map(|entities| entities.at(time)).collect();
-            Arc::new(Frame { now: time, topics, entities, runs, is_beside: true, ..frame.clone() })
-        });
-        frames.collect()
     }
 
     fn end_recording(&mut self, why: RecordingEnd) {
@@ -371,8 +348,7 @@ impl Source for StackSource {
         let recorded_topics = recorded.map_or(&[][..], |view| &view.topics).iter();
         let unwired =
             recorded_topics.filter(|topic| !self.wired.values().any(|buffer| *buffer == topic.name));
-        let unwired: Vec<Topic> = unwired.cloned().collect();
-        let topics = unwired.iter().chain(&self.topics).cloned().collect();
+        let topics = unwired.chain(&self.topics).cloned().collect();
         let recorded_tracks = recorded.into_iter().flat_map(LogView::tracks);
         let own = self.gathering.tracks.read(|run, tracks| tracks.read(run).collect::<Vec<_>>());
         let tracks = recorded_tracks.chain(own.into_iter().flatten()).collect();
@@ -416,12 +392,14 @@ impl Source for StackSource {
             },
             against: self.comparing.other(),
         };
-        frame.beside = self.beside(&frame, &unwired);
+        let Self { session, gathering, placing, beside, recorded, .. } = self;
+        let recorded = recorded.as_ref().map(|view| &view.shared_tree);
+        frame.beside = beside.frames(&frame, session, &gathering.times, placing, recorded);
         frame
     }
 
     fn watch(&mut self, runs: &[RunId]) {
-        self.watched = runs.to_vec();
+        self.beside.watch(runs);
     }
 
     fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {
@@ -442,16 +420,21 @@ impl Source for StackSource {
     }
 
     fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError> {
+        let before = self.session.moment();
         let moved = match step {
-            Step::Message { topic, back } => self.step_message(topic.as_deref(), *back, task)?,
+            Step::Message { topic: None, back } => self.step_input(*back, task),
+            Step::Message { topic: Some(topic), back } => match self.buffer_of(topic) {
+                Some(buffer) => self.step_message(buffer, *back, task),
+                None => return self.step_recorded(topic, *back, task),
+            },
             Step::Cycle { process, back } => {
                 let process = process.as_ref().map(|name| self.process_named(name)).transpose()?;
                 self.step_event(*back, task, |what| match what {
                     Happened::Cycle(index) => process.is_none_or(|process| process == index),
                     _ => false,
-                })?
+                })
             }
-            Step::BackTo { topic, sequence } => self.step_back_to(topic, *sequence)?,
+            Step::BackTo { topic, sequence } => self.step_back_to(topic, *sequence),
             Step::Time { ns } => {
                 let from = self.now;
                 let to = if *ns >= 0 { from.after_ns(*ns as u64) } else { from.before_ns(ns.unsigned_abs()) };
@@ -459,10 +442,11 @@ impl Source for StackSource {
                 return Ok(self.now != from);
             }
         };
-        if moved {
+        // The source is where the run is, also after a step that found nothing or was cancelled.
+        if self.session.moment() != before {
             self.arrived(self.session.now())?;
         }
-        Ok(moved)
+        moved
     }
 
     fn record(&mut self, path: &Path, options: &RecordOptions) -> Result<(), SourceError> {
@@ -479,13 +463,17 @@ impl Source for StackSource {
     }
 
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
-        if !self.session.is_at_end() {
-            // The write begins another run.
-            self.end_recording(RecordingEnd::OtherRun);
-        }
-        let Self { session, gathering, .. } = self;
+        let end = self.session.end();
+        let Self { session, gathering, recording, .. } = self;
         let event = ExternalEvent::operator(buffer, message);
-        session.write_with(event, |session| gathering.follow(session)).map_err(|error| match error {
+        let written = session.write_with(event, |session| {
+            // The write begins another run.
+            if let Some(recording) = recording {
+                recording.end(end, RecordingEnd::OtherRun);
+            }
+            gathering.follow(session);
+        });
+        written.map_err(|error| match error {
             // The operator's request was refused: nothing has changed.
             RunError::Refused(text) => SourceError::Unsupported(text),
             other => SourceError::Run(other),
@@ -503,6 +491,9 @@ impl Source for StackSource {
     }
 
     fn undo(&mut self) -> Result<bool, SourceError> {
+        if !self.session.can_undo() {
+            return Ok(false);
+        }
         self.end_recording(RecordingEnd::OtherRun);
         let Self { session, gathering, .. } = self;
         let undone = session.undo_with(|session| gathering.follow(session))?;

@@ -2,7 +2,7 @@
 
 use super::log_source::neighbour;
 use super::stack_source::StackSource;
-use super::{SourceError, Task};
+use super::{Source, SourceError, Task};
 use crate::history::Point;
 use crate::stepped::Happened;
 use rcs_log::MessagePosition;
@@ -16,7 +16,7 @@ impl StackSource {
         found.is_some()
     }
 
-    fn buffer_of(&self, topic: &str) -> Option<usize> {
+    pub(super) fn buffer_of(&self, topic: &str) -> Option<usize> {
         let plan = self.session.run().plan();
         plan.inputs
             .iter()
@@ -33,55 +33,54 @@ impl StackSource {
             .ok_or_else(|| SourceError::Unsupported(format!("there is no process {name} in this stack")))
     }
 
+    /// To the next or previous message of the log; without a log, to the end of the next or previous cycle, because there
+    /// may never be an input to step to.
+    pub(super) fn step_input(&mut self, back: bool, task: &Task) -> Result<bool, SourceError> {
+        let is_closed = self.recorded.is_none();
+        self.step_event(back, task, |what| {
+            what == Happened::Input || (is_closed && matches!(what, Happened::Cycle(_)))
+        })
+    }
+
+    /// To the next or previous message of a buffer.
     pub(super) fn step_message(
         &mut self,
-        topic: Option<&str>,
+        buffer: usize,
         back: bool,
         task: &Task,
     ) -> Result<bool, SourceError> {
-        let last = self.last();
-        let Some(topic) = topic else {
-            // Without a recording, messages come from the cycles; there may never be an input to step to.
-            let is_closed = self.recorded.is_none();
-            return self.step_event(back, task, |what| {
-                what == Happened::Input || (is_closed && matches!(what, Happened::Cycle(_)))
-            });
-        };
-        if let Some(buffer) = self.buffer_of(topic) {
-            if back {
-                let before = self.session.message_before(buffer);
-                // The moment before the first message is not a step, because it has nothing to show.
-                return Ok(self.look(before));
-            }
-            if let Some(after) = self.session.message_after(buffer) {
-                self.look(Some(after));
-                self.session.fill(task)?;
-                return Ok(true);
-            }
-            self.session.look_at_end();
-            let newest = self.session.messages(buffer);
-            return self.session.forward_to(last, task, |run, _| run.buffers()[buffer].newest() > newest);
+        if back {
+            let before = self.session.message_before(buffer);
+            // The moment before the first message is not a step, because it has nothing to show.
+            return Ok(self.look(before));
         }
-        // A recorded topic that the stack does not read.
+        if let Some(after) = self.session.message_after(buffer) {
+            self.look(Some(after));
+            self.session.fill(task)?;
+            return Ok(true);
+        }
+        self.session.look_at_end();
+        let newest = self.session.messages(buffer);
+        self.session.forward_to(self.last(), task, |run, _| run.buffers()[buffer].newest() > newest)
+    }
+
+    /// To the next or previous message of a recorded topic that the stack does not read, at the time of that message.
+    pub(super) fn step_recorded(
+        &mut self,
+        topic: &str,
+        back: bool,
+        task: &Task,
+    ) -> Result<bool, SourceError> {
         let Some(view) = &self.recorded else {
             return Err(SourceError::Unsupported(format!("there is no topic {topic}")));
         };
         let ids = view.topic_ids(topic);
         let place = if back { MessagePosition::before(self.now) } else { MessagePosition::after(self.now) };
-        match neighbour(view.log(), Some(&ids), place, back)? {
-            Some(message) => {
-                let to = message.log_time;
-                if to < self.session.end() {
-                    self.session.look_at_time(to);
-                } else {
-                    self.session.look_at_end();
-                    self.session.forward_until(to, task)?;
-                }
-                self.now = to;
-                Ok(true)
-            }
-            None => Ok(false),
-        }
+        let found = neighbour(view.log(), Some(&ids), place, back)?;
+        // A recorded run that is computed again may end before the log.
+        let Some(message) = found.filter(|message| message.log_time <= self.last()) else { return Ok(false) };
+        self.seek(message.log_time, task)?;
+        Ok(true)
     }
 
     /// Goes back to when the message with this sequence was written to a buffer of the stack.

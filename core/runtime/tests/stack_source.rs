@@ -1,0 +1,157 @@
+//! Guarantees of a stack as a source: steps beyond what was executed, recordings, and rates.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::{PAIR, plan, seconds, write_log};
+use rcs_formula::FieldRef;
+use rcs_log::{CursorOptions, Log};
+use rcs_msg::{AnyMessage, Stamp, foxglove};
+use rcs_runtime::source::{
+    Control, Driver, Frame, RecordingEnd, RunTag, Source, SourceError, StackSource, Step, Task,
+};
+use rcs_runtime::{RecordOptions, RunOptions};
+use rcs_testkit::proto::CounterParams;
+use std::time::{Duration, Instant};
+
+/// Adds what a log has on `/a`.
+const ON_LOG: &str = r#"
+format = 1
+name = "on_log"
+[[input]]
+buffer = "/in"
+topic = "/a"
+[[process]]
+name = "adder"
+plugin = "adder"
+supervisor = "viewer"
+inputs = { input = "/in" }
+"#;
+
+fn on_log(messages: &[(f64, &str, f64)]) -> (StackSource, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write_log(&path, messages);
+    let log = Log::open(&path).unwrap();
+    let source = StackSource::new(plan(ON_LOG).unwrap(), Some(&log), RunOptions::default()).unwrap();
+    (source, folder)
+}
+
+fn pair() -> StackSource {
+    StackSource::new(plan(PAIR).unwrap(), None, RunOptions::default()).unwrap()
+}
+
+fn message(topic: &str, back: bool) -> Step {
+    Step::Message { topic: Some(topic.to_owned()), back }
+}
+
+fn x_of(frame: &Frame, topic: &str) -> Option<f64> {
+    frame.topic(topic)?.get::<foxglove::Vector3>().map(|vector| vector.x)
+}
+
+#[test]
+fn after_a_step_that_finds_nothing_or_is_cancelled_time_is_where_the_run_is() {
+    let (mut source, _folder) = on_log(&[(0.0, "/a", 1.0), (1.0, "/a", 2.0), (2.0, "/a", 3.0)]);
+    let task = Task::default();
+    // Nothing is written there after the start.
+    let step = message("/adder/params", false);
+    assert!(!source.step(&step, &task).unwrap());
+    let end = source.now();
+    assert!(end >= seconds(2.0), "{end:?}");
+    assert_eq!(end, source.session().now());
+    assert_eq!((source.frame().now, x_of(&source.frame(), "/in")), (end, Some(3.0)));
+    source.seek(seconds(0.5), &task).unwrap();
+    task.cancel();
+    assert!(matches!(source.step(&step, &task), Err(SourceError::Cancelled)));
+    assert_eq!(source.now(), source.session().now());
+    assert_eq!((source.frame().now, x_of(&source.frame(), "/in")), (end, Some(3.0)));
+}
+
+#[test]
+fn a_step_shows_each_message_of_a_recorded_topic_that_the_stack_does_not_read() {
+    let (mut source, _folder) = on_log(&[
+        (0.0, "/a", 1.0),
+        (0.503, "/b", 2.0),
+        (1.0, "/a", 3.0),
+        (1.507, "/b", 4.0),
+        (2.0, "/a", 5.0),
+    ]);
+    let mut step = |back: bool| {
+        let moved = source.step(&message("/b", back), &Task::default()).unwrap();
+        let frame = source.frame();
+        (moved, frame.now, x_of(&frame, "/b"))
+    };
+    assert_eq!(step(false), (true, seconds(0.503), Some(2.0)));
+    assert_eq!(step(false), (true, seconds(1.507), Some(4.0)));
+    assert_eq!(step(false), (false, seconds(1.507), Some(4.0)));
+    assert_eq!(step(true), (true, seconds(0.503), Some(2.0)));
+    assert_eq!(step(false), (true, seconds(1.507), Some(4.0)));
+}
+
+#[test]
+fn a_recording_goes_on_after_a_refused_write_and_where_nothing_can_be_taken_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut source = pair();
+    let task = Task::default();
+    let params =
+        |publish_hz: f64| AnyMessage::new(CounterParams { publish_hz, ..rcs_msg::params::default() });
+    source.seek(seconds(1.0), &task).unwrap();
+    let options = RecordOptions { lossless: true, build: "test".to_owned(), ..RecordOptions::default() };
+    source.record(&path, &options).unwrap();
+    source.seek(seconds(2.0), &task).unwrap();
+    source.seek(seconds(1.5), &task).unwrap();
+    assert!(source.write("/counter/params", params(f64::NAN)).is_err());
+    assert!(!source.undo().unwrap());
+    source.seek(seconds(3.0), &task).unwrap();
+    let recording = source.frame().recording.unwrap();
+    assert_eq!((recording.ended, recording.to), (None, seconds(3.0)));
+
+    // A write that is not refused begins another run.
+    source.seek(seconds(1.5), &task).unwrap();
+    source.write("/counter/params", params(9.0)).unwrap();
+    let recording = source.frame().recording.unwrap();
+    assert_eq!((recording.ended, recording.to), (Some(RecordingEnd::OtherRun), seconds(3.0)));
+    let log = Log::open(&path).unwrap();
+    let ids = log.info().topics_named("/counter/count").map(|topic| topic.id).collect();
+    let cursor = log.cursor(CursorOptions { topics: Some(ids), ..CursorOptions::default() });
+    let sequences: Vec<u32> = cursor.map(|message| message.unwrap().sequence).collect();
+    assert_eq!(sequences, (100..=300).collect::<Vec<u32>>(), "what held at 1 s, and every message once");
+}
+
+#[test]
+fn who_takes_a_write_back_where_nothing_was_written_is_told_so() {
+    let driver = Driver::spawn(Box::new(pair()), || {}).unwrap();
+    driver.send(Control::Undo);
+    let deadline = Instant::now() + Duration::from_mins(1);
+    let error = loop {
+        if let Some(error) = driver.frame().playback.error.clone() {
+            break error;
+        }
+        assert!(Instant::now() < deadline, "waited a minute for the error");
+        std::thread::yield_now();
+    };
+    assert!(error.contains("nothing was written"), "{error}");
+}
+
+#[test]
+fn rates_and_times_are_right_after_the_clock_of_a_log_was_set() {
+    let set = (0..40).map(|i| 1.7e9 + f64::from(i) * 0.1);
+    let messages: Vec<_> = std::iter::once(0.1).chain(set).map(|time_s| (time_s, "/a", 1.0)).collect();
+    let (mut source, _folder) = on_log(&messages);
+    source.seek(Stamp::MAX, &Task::default()).unwrap();
+    let frame = source.frame();
+    for name in ["/in", "/adder/sum"] {
+        let hz = frame.topic(name).unwrap().hz;
+        assert!(hz.is_some_and(|hz| (hz - 10.0).abs() < 0.5), "{name}: {hz:?}");
+    }
+    // A message as a whole has nothing but its time.
+    let field = FieldRef { topic: "/in".to_owned(), path: "".parse().unwrap() };
+    source.gather(std::slice::from_ref(&field));
+    let frame = source.frame();
+    let points = &frame.field(&field, RunTag::FIRST).unwrap().points;
+    let mut times = Vec::new();
+    points.each(0..points.len(), |point| times.push(point.stamp));
+    assert_eq!(times, messages.iter().map(|(time_s, ..)| seconds(*time_s)).collect::<Vec<_>>());
+}
