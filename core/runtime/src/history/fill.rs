@@ -85,20 +85,30 @@ impl Session {
         self.is_on_tape(stretch, self.cursor) || self.load(stretch)
     }
 
-    /// Whether the messages of a stretch are in memory, or can be read from disk.
+    /// Brings the messages of a stretch into memory if they are on disk; `false` if they are not kept.
     fn load(&mut self, stretch: usize) -> bool {
         if self.stretches[stretch].samples.memory.is_some() {
             return true;
         }
-        let Some(packed) = self.stretches[stretch].samples.disk.clone() else { return false };
+        let Some(samples) = self.read(stretch) else { return false };
+        self.stretches[stretch].samples.memory = Some(samples);
+        self.make_room_for(stretch);
+        true
+    }
+
+    /// The messages of a stretch from memory, or from disk without keeping them in memory. What cannot be read is
+    /// reported.
+    fn read(&mut self, stretch: usize) -> Option<Arc<Samples>> {
+        let kept = &self.stretches[stretch].samples;
+        if let Some(samples) = &kept.memory {
+            return Some(Arc::clone(samples));
+        }
+        let packed = kept.disk.clone()?;
         match packed.load(self.machine.plan()) {
-            Ok(samples) => {
-                self.stretches[stretch].samples.memory = Some(Arc::new(samples));
-                true
-            }
+            Ok(samples) => Some(Arc::new(samples)),
             Err(error) => {
                 self.lose(stretch, &error.to_string());
-                false
+                None
             }
         }
     }
@@ -152,7 +162,7 @@ impl Session {
 
     /// Recomputes everything that the view needs.
     pub(crate) fn fill(&mut self, task: &Task) -> Result<(), SourceError> {
-        while self.is_pending() {
+        while self.filling.is_some() && self.is_pending() {
             task.check()?;
             self.fill_for(PIECE);
             task.report(self.fill_progress().unwrap_or(1.0));
@@ -163,9 +173,7 @@ impl Session {
     /// Whether something that the view needs is still to be recomputed.
     pub(crate) fn is_pending(&self) -> bool {
         let stretch = self.runs[self.run].line[self.place()];
-        self.filling.is_some()
-            && self.stretches[stretch].samples.memory.is_none()
-            && !self.is_on_tape(stretch, self.cursor)
+        self.stretches[stretch].samples.memory.is_none() && !self.is_on_tape(stretch, self.cursor)
     }
 
     /// Progress of the recomputation, 0 to 1; `None` if there is none.
@@ -187,13 +195,30 @@ impl Session {
     pub(crate) fn idle(&mut self) -> bool {
         self.collect_written();
         if self.filling.is_some() {
-            return self.fill_for(PIECE) || self.went_back;
+            // What could not be computed is tried again only when something is asked for.
+            return self.fill_for(PIECE) || (self.went_back && !self.is_pending());
         }
         let place = self.place();
-        if !self.went_back || place == 0 {
+        let prepares = self.went_back && place > 0;
+        if !prepares && !self.is_pending() {
             return false;
         }
+        // The viewed stretch comes first: a part of it that is only on the tape is lost when the machine moves away.
+        let viewed = self.runs[self.run].line[place];
+        let is_in_it = self.at_run == self.run && self.at_stretch == viewed;
+        let is_whole = is_in_it && self.at().event >= self.stretches[viewed].to();
+        if !is_whole && !self.load(viewed) {
+            if is_in_it {
+                self.filling = Some(place);
+            } else {
+                self.begin_fill(place);
+            }
+            return self.filling.is_some();
+        }
         self.went_back = false;
+        if !prepares {
+            return false;
+        }
         let before = self.runs[self.run].line[place - 1];
         if !self.is_on_tape(before, Point::after(self.stretches[before].to())) && !self.load(before) {
             self.begin_fill(place - 1);
@@ -268,14 +293,17 @@ impl Session {
     }
 
     /// Messages of these buffers after `from` and up to the cursor, as far as they are in memory, in the order of each
-    /// buffer.
-    pub(crate) fn since(&self, from: Point, buffers: &[usize], take: &mut dyn FnMut(usize, &Sample)) {
+    /// buffer; whether that is all of them.
+    pub(crate) fn since(&self, from: Point, buffers: &[usize], take: &mut dyn FnMut(usize, &Sample)) -> bool {
+        let mut is_whole = true;
         let run = &self.runs[self.run];
         let log = self.log();
         let (first, last) = (run.place_of(&self.stretches, from.event), self.place());
         for &stretch in &run.line[first..=last] {
             let memory = self.stretches[stretch].samples.memory.clone();
             let tape = (self.at_stretch == stretch).then(|| self.tape.samples());
+            let end = Point::end_of(self.stretches[stretch].to()).min(self.cursor);
+            is_whole &= memory.is_some() || self.is_on_tape(stretch, end);
             let samples: &Samples = match (&memory, &tape) {
                 (Some(samples), _) if !self.is_on_tape(stretch, self.cursor) => samples,
                 (_, Some(tape)) => tape,
@@ -293,22 +321,27 @@ impl Session {
                 }
             }
         }
+        is_whole
     }
 
     /// Every message of a buffer in a run, in order, as far as it was kept; whether that is all of them.
     pub(crate) fn each_message(&mut self, run: RunId, buffer: usize, take: &mut dyn FnMut(&Sample)) -> bool {
-        let (log, mut complete) = (self.log(), true);
+        let log = self.log();
+        // What every run writes before its first event is in no stretch; of a buffer's messages, the newest is known.
+        let start = &self.stretches[0];
+        let snapshot = start.snapshot.memory.as_ref();
+        let opening = snapshot.and_then(|snapshot| snapshot.latest().nth(buffer).flatten());
+        let mut complete = start.newest[buffer] == u64::from(opening.is_some());
+        if let Some(sample) = opening {
+            take(sample);
+        }
         let known = &self.runs[run.0 as usize];
         let (line, end) = (known.line.clone(), known.end);
         for stretch in line {
-            let is_new = self.at_stretch == stretch && self.stretches[stretch].samples.memory.is_none();
-            let memory = if is_new || !self.load(stretch) {
-                None
-            } else {
-                self.stretches[stretch].samples.memory.clone()
-            };
-            let tape = (memory.is_none() && self.at_stretch == stretch).then(|| self.tape.samples());
-            let Some(samples) = memory.as_deref().or(tape.as_deref()) else {
+            let is_on_tape = self.is_on_tape(stretch, Point::end_of(self.stretches[stretch].to()).min(end));
+            let kept = if is_on_tape { None } else { self.read(stretch) };
+            let tape = is_on_tape.then(|| self.tape.samples());
+            let Some(samples) = kept.as_deref().or(tape.as_deref()) else {
                 complete = false;
                 continue;
             };
@@ -355,6 +388,24 @@ impl Session {
             }
             self.stretches[stretch].written_before(buffer, self.cursor)
         })
+    }
+
+    /// The point at which the message with this sequence, from 1, was written to a buffer: the start of the run if that
+    /// was before its first event. `None` if it was not written up to the cursor.
+    pub(crate) fn written_at(&self, buffer: usize, sequence: u64) -> Option<Point> {
+        let line = &self.runs[self.run].line[..=self.place()];
+        let later = line.partition_point(|&stretch| self.stretches[stretch].newest[buffer] < sequence);
+        let Some(place) = later.checked_sub(1) else {
+            return (sequence > 0).then(|| Point::after(self.stretches[line[0]].from));
+        };
+        let stretch = &self.stretches[line[place]];
+        let index = (sequence - stretch.newest[buffer] - 1) as usize;
+        let point = if self.is_on_tape(line[place], self.cursor) {
+            self.tape.samples().written[buffer].get(index).map(|entry| entry.point)
+        } else {
+            stretch.written_nth(buffer, index)
+        };
+        point.filter(|&point| point <= self.cursor)
     }
 
     /// The first point after the cursor at which a message was written to a buffer, within the executed part of the

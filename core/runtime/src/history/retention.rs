@@ -128,6 +128,11 @@ impl Retention {
         }
     }
 
+    /// Memory that the past may take, bytes.
+    fn memory_budget(&self) -> f64 {
+        self.options.memory_bytes.saturating_sub(self.reserved_bytes) as f64
+    }
+
     fn waiting(&self) -> usize {
         self.spill.as_ref().map_or(0, Spill::waiting)
     }
@@ -197,24 +202,33 @@ impl Session {
     pub(super) fn enforce_budgets(&mut self) {
         self.collect_written();
         self.retention.pause = self.retention.pause.saturating_sub(1);
-        let Retention { options, reserved_bytes, .. } = &self.retention;
-        let budget = options.memory_bytes.saturating_sub(*reserved_bytes) as f64;
+        let budget = self.retention.memory_budget();
         let mut used = self.retention.memory(&self.stretches) as f64;
         if used > WRITE_AT * budget {
             self.write_out(used - WRITE_AT * budget);
         }
         if used > KEEP * budget {
-            used = self.let_go(used, KEEP * budget);
+            used = self.let_go(used, KEEP * budget, None);
         }
         while used > WAIT_AT * budget && self.retention.waiting() > 0 {
             let done = self.retention.spill.as_mut().map(|spill| spill.done(true)).unwrap_or_default();
             self.take_done(done);
-            used = self.let_go(self.retention.memory(&self.stretches) as f64, KEEP * budget);
+            used = self.let_go(self.retention.memory(&self.stretches) as f64, KEEP * budget, None);
         }
         if used > WAIT_AT * budget {
             self.drop_from_memory(used, KEEP * budget);
         }
         self.thin_disk();
+    }
+
+    /// Enforces the budget for memory after a stretch was read from disk; that one stays.
+    pub(super) fn make_room_for(&mut self, read: usize) {
+        self.collect_written();
+        let budget = self.retention.memory_budget();
+        let used = self.retention.memory(&self.stretches) as f64;
+        if used > KEEP * budget {
+            self.let_go(used, KEEP * budget, Some(read));
+        }
     }
 
     /// Measures the memory of a snapshot.
@@ -282,9 +296,13 @@ impl Session {
         }
     }
 
-    /// Drops from memory what is on disk, until at most `to` bytes are used; returns the use.
-    fn let_go(&mut self, mut used: f64, to: f64) -> f64 {
+    /// Drops from memory what is on disk, except of the stretch `kept`, until at most `to` bytes are used; returns the
+    /// use.
+    fn let_go(&mut self, mut used: f64, to: f64, kept: Option<usize>) -> f64 {
         for (index, distance) in self.farthest_first() {
+            if kept == Some(index) {
+                continue;
+            }
             let stretch = &mut self.stretches[index];
             // The first snapshot stays, because everything can be recomputed from it whatever happens to the disk.
             if index > 0

@@ -176,6 +176,11 @@ impl Stretch {
         self.points(buffer).find(|&point| point > after)
     }
 
+    /// The position at which the message with this index, from 0, was written to a buffer in the stretch.
+    pub(crate) fn written_nth(&self, buffer: usize, index: usize) -> Option<Point> {
+        self.points(buffer).nth(index)
+    }
+
     /// Number of messages that had been written to a buffer at a point.
     pub(crate) fn messages(&self, buffer: usize, at: Point) -> u64 {
         let before = self.newest.get(buffer).copied().unwrap_or(0);

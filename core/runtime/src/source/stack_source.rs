@@ -230,7 +230,8 @@ impl StackSource {
         }
     }
 
-    /// Updates the transforms to the viewed moment: from what was written since, or completely after a jump.
+    /// Updates the transforms to the viewed moment: from what was written since, or completely after a jump back and
+    /// where a part of what was written since is not in memory.
     fn place(&mut self) {
         let at = self.session.cursor();
         let moment = self.session.moment();
@@ -244,9 +245,11 @@ impl StackSource {
         let buffers: Vec<usize> = self.placing.iter().map(|&(buffer, _)| buffer).collect();
         let mut samples: Vec<(usize, Sample)> = Vec::new();
         let pending = self.session.is_pending();
-        if let Some(from) = from {
-            self.session.since(from, &buffers, &mut |buffer, sample| samples.push((buffer, sample.clone())));
-        } else {
+        let goes_on = from.is_some_and(|from| {
+            self.session.since(from, &buffers, &mut |buffer, sample| samples.push((buffer, sample.clone())))
+        });
+        if !goes_on {
+            samples.clear();
             self.transforms.clear();
             let before = self.session.now().before_ns(POSES_NS);
             let from = crate::history::Point::after(self.session.events_at(before).min(at.event));

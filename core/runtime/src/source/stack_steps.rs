@@ -85,24 +85,11 @@ impl StackSource {
 
     /// Goes back to when the message with this sequence was written to a buffer of the stack.
     pub(super) fn step_back_to(&mut self, topic: &str, sequence: u64) -> Result<bool, SourceError> {
-        let buffer = self.buffer_of(topic).ok_or_else(|| SourceError::no_message(topic, sequence))?;
+        let found = self.buffer_of(topic).and_then(|buffer| self.session.written_at(buffer, sequence));
+        let point = found.ok_or_else(|| SourceError::no_message(topic, sequence))?;
         let from = self.session.cursor();
-        // The first moment at which so many messages had been written.
-        let mut first = None;
-        while sequence > 0 && self.session.messages(buffer) >= sequence {
-            first = Some(self.session.cursor());
-            let before = self.session.message_before(buffer);
-            if !self.look(before) {
-                break;
-            }
-        }
-        self.session.look(first.unwrap_or(from));
-        // What was not kept cannot be gone back to.
-        if first.is_none() || self.session.messages(buffer) > sequence {
-            self.session.look(from);
-            return Err(SourceError::no_message(topic, sequence));
-        }
-        Ok(self.session.cursor() != from)
+        self.session.look(point);
+        Ok(point != from)
     }
 
     pub(super) fn step_event(

@@ -1,0 +1,225 @@
+//! Looking back at what a run has kept: within its memory, complete, and the same whichever way a moment is reached.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::seconds;
+use rcs_formula::FieldRef;
+use rcs_msg::{AnyMessage, Stamp, foxglove};
+use rcs_runtime::source::{Frame, RunTag, Source, StackSource, Step, Task, finish_idle};
+use rcs_runtime::{
+    Cycle, NoCommands, Out, PastOptions, Plan, PortBuilder, Process, ProcessDef, ProcessType, RunId,
+    RunOptions, StackFile,
+};
+use rcs_testkit::proto::CounterParams;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The time at which the surveyor sends its transform.
+const TOLD: Stamp = Stamp(50_000_000_000);
+const IMAGE: &str = "/surveyor/image";
+const PARAMS: &str = "/surveyor/params";
+/// So little memory that nearly everything goes to disk.
+const MEMORY_BYTES: u64 = 1 << 20;
+
+/// Sends an image of noise ten times a second, and a transform once.
+#[derive(Clone, Serialize, Deserialize)]
+struct Surveyor {
+    has_told: bool,
+}
+
+impl Process for Surveyor {
+    type Params = CounterParams;
+    type Ports = (Out<foxglove::FrameTransforms>, Out<foxglove::RawImage>);
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "surveyor",
+        summary: "Surveys.",
+        period_ms: 100.0,
+        latency_ms: 0.0,
+        reads_ground_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        (b.output("transforms", "Where the mast is.").build(), b.output("image", "Noise.").build())
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self { has_told: false }
+    }
+
+    fn cycle(&mut self, (transforms, image): &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        use rand_core::RngCore as _;
+        cx.exec("surveying");
+        if !self.has_told && cx.now() >= TOLD {
+            self.has_told = true;
+            let transform = foxglove::FrameTransform {
+                timestamp: Some(cx.now().to_proto()),
+                parent_frame_id: "map".into(),
+                child_frame_id: "mast".into(),
+                translation: Some(foxglove::Vector3 { x: 1.0, y: 2.0, z: 3.0 }),
+                rotation: Some(foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+            };
+            cx.write(transforms, cx.now(), foxglove::FrameTransforms { transforms: vec![transform] });
+        }
+        let mut data = vec![0; 60 * 60];
+        cx.rng().fill_bytes(&mut data);
+        let message =
+            foxglove::RawImage { width: 60, height: 60, data: data.into(), ..foxglove::RawImage::default() };
+        cx.write(image, cx.now(), message);
+    }
+}
+
+const SURVEY: &str = "
+format = 1
+name = \"survey\"
+[[process]]
+name = \"surveyor\"
+plugin = \"surveyor\"
+supervisor = \"viewer\"
+";
+
+fn survey(past: PastOptions) -> StackSource {
+    let file = StackFile::parse("survey.toml", SURVEY).unwrap();
+    let plan = Arc::new(Plan::new(file, &[ProcessType::of::<Surveyor>()], &[]).unwrap());
+    let options = RunOptions { seed: 3, past, ..RunOptions::default() };
+    StackSource::new(plan, None, options).unwrap()
+}
+
+fn tight(folder: &Path, disk_bytes: u64) -> PastOptions {
+    PastOptions { memory_bytes: MEMORY_BYTES, disk_bytes, folder: folder.to_owned() }
+}
+
+fn params(publish_hz: f64) -> AnyMessage {
+    AnyMessage::new(CounterParams { publish_hz, ..rcs_msg::params::default() })
+}
+
+fn field(topic: &str, path: &str) -> FieldRef {
+    FieldRef { topic: topic.to_owned(), path: path.parse().unwrap() }
+}
+
+/// The newest message of every topic, encoded, and the number of messages.
+fn content(frame: &Frame) -> Vec<(String, u64, Option<Vec<u8>>)> {
+    let of = |topic: &rcs_runtime::source::Topic| {
+        assert!(!topic.pending, "{} is still to come", topic.name);
+        let bytes = topic.latest.as_ref().map(|sample| sample.message.bytes().to_vec());
+        (topic.name.to_string(), topic.messages, bytes)
+    };
+    // Measured times differ from run to run.
+    frame.topics.iter().filter(|topic| !topic.name.contains("timing")).map(of).collect()
+}
+
+/// Overwrites everything that is on disk.
+fn damage(folder: &Path) {
+    for entry in std::fs::read_dir(folder).unwrap().flatten().filter(|entry| entry.path().is_dir()) {
+        for file in std::fs::read_dir(entry.path()).unwrap().flatten() {
+            let length = file.metadata().unwrap().len() as usize;
+            std::fs::write(file.path(), vec![0xa5; length]).unwrap();
+        }
+    }
+}
+
+#[test]
+fn looking_through_the_whole_past_and_plotting_it_keep_the_limit_of_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = survey(tight(folder.path(), 1 << 30));
+    let task = Task::default();
+    source.seek(seconds(120.0), &task).unwrap();
+    for second in 0..120 {
+        source.seek(seconds(f64::from(second)), &task).unwrap();
+        source.frame();
+        let usage = source.session().past_use();
+        assert!(usage.memory_bytes <= MEMORY_BYTES, "{usage:?} at {second} s");
+    }
+    let height = field(IMAGE, "height");
+    source.gather(std::slice::from_ref(&height));
+    let usage = source.session().past_use();
+    assert!(usage.memory_bytes <= MEMORY_BYTES, "{usage:?}");
+    let points = source.frame().field(&height, RunTag::FIRST).unwrap().points.len();
+    assert!(points > 1100, "{points} points");
+}
+
+#[test]
+fn a_jump_forward_in_the_past_finds_the_transforms_that_a_jump_back_finds() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = survey(tight(folder.path(), 1 << 30));
+    source.seek(seconds(120.0), &Task::default()).unwrap();
+    let mut told_at = |to_s: f64| {
+        source.seek(seconds(to_s), &Task::default()).unwrap();
+        finish_idle(&mut source);
+        source.frame().transforms.newest("map", "mast").ok().flatten()
+    };
+    assert_eq!(told_at(100.0), Some(TOLD.0));
+    assert_eq!(told_at(10.0), None);
+    assert_eq!(told_at(100.0), Some(TOLD.0));
+}
+
+#[test]
+fn what_a_run_writes_before_its_first_event_is_plotted_and_can_be_gone_back_to() {
+    let mut source = survey(PastOptions::default());
+    let task = Task::default();
+    let rate = field(PARAMS, "publish_hz");
+    // The times of the parameters in a run, gathered anew.
+    let times = |source: &mut StackSource, run: u32| {
+        source.gather(&[]);
+        source.gather(std::slice::from_ref(&rate));
+        let frame = source.frame();
+        let series = frame.field(&rate, RunTag::Run(RunId(run))).unwrap();
+        assert_eq!(series.problem, None);
+        series.points.sample(100).iter().map(|point| point.stamp).collect::<Vec<_>>()
+    };
+    let back_to_first = Step::BackTo { topic: PARAMS.to_owned(), sequence: 1 };
+    source.seek(seconds(1.0), &task).unwrap();
+    assert_eq!(times(&mut source, 0), [seconds(0.0)]);
+    source.seek(seconds(2.0), &task).unwrap();
+    source.write(PARAMS, params(7.0)).unwrap();
+    assert_eq!(times(&mut source, 0), [seconds(0.0), seconds(2.0)]);
+    assert!(source.step(&back_to_first, &task).unwrap());
+    assert_eq!(source.now(), seconds(0.0));
+    assert!(!source.step(&back_to_first, &task).unwrap(), "it is there");
+    // A run that branches within the first second has it once, too.
+    source.seek(seconds(0.5), &task).unwrap();
+    source.write(PARAMS, params(9.0)).unwrap();
+    assert_eq!(times(&mut source, 1), [seconds(0.0), seconds(0.5)]);
+    assert_eq!(times(&mut source, 0), [seconds(0.0), seconds(2.0)]);
+    assert!(source.step(&back_to_first, &task).unwrap());
+    assert_eq!(source.now(), seconds(0.0));
+}
+
+#[test]
+fn going_back_to_a_message_reads_nothing_of_what_was_written_since() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = survey(tight(folder.path(), 1 << 30));
+    let task = Task::default();
+    source.seek(seconds(60.0), &task).unwrap();
+    damage(folder.path());
+    let back_to = Step::BackTo { topic: IMAGE.to_owned(), sequence: 16 };
+    assert!(source.step(&back_to, &task).unwrap());
+    assert_eq!(source.now(), seconds(1.5));
+    // The messages and the snapshot of the second that is shown could not be read; no other was tried.
+    let problems = source.frame().info.problems.clone();
+    assert!(problems.len() <= 2, "{problems:?}");
+    finish_idle(&mut source);
+    let frame = source.frame();
+    assert_eq!(frame.topic(IMAGE).unwrap().latest.as_ref().unwrap().header.sequence, 16);
+}
+
+#[test]
+fn a_second_that_is_shown_from_a_part_is_completed_before_the_one_before_is_prepared() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = survey(tight(folder.path(), 0));
+    let task = Task::default();
+    source.seek(seconds(60.0), &task).unwrap();
+    source.seek(seconds(7.3), &task).unwrap();
+    assert!(source.frame().topics.iter().any(|topic| topic.pending), "it was dropped");
+    // To refuse a command in the past, the run is executed up to there.
+    assert!(source.write("/nothing", params(7.0)).is_err());
+    assert!(source.step(&Step::Message { topic: Some(IMAGE.to_owned()), back: true }, &task).unwrap());
+    assert_eq!(source.now(), seconds(7.2));
+    finish_idle(&mut source);
+    let mut reference = survey(PastOptions::default());
+    reference.seek(seconds(7.2), &task).unwrap();
+    assert_eq!(content(&source.frame()), content(&reference.frame()));
+}
