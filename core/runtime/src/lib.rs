@@ -122,7 +122,7 @@ pub use options::RunOptions;
 pub use pool::Pool;
 pub use ports::{In, Out, OutBuilder, PortBuilder, PortDef};
 pub use process::{Process, ProcessDef, ProcessType, codecs};
-pub use record::{RecordOptions, RecordWhat, Recording};
+pub use record::{RecordOptions, RecordWhat, Recording, metadata_of_part};
 pub use replay::{RecordedRun, Replay};
 pub use role::{InputRole, Role, UnknownRole};
 pub use snapshot::Snapshot;

@@ -5,11 +5,12 @@ use crate::live::apply_class;
 use crate::stack::{BufferPlan, Class, Plan, names};
 use rcs_bus::{Buffer, Sample};
 use rcs_log::{
-    LogWriter, Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus, WriteHeader,
+    Log, LogWriter, Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus, WriteHeader,
     WriterOptions,
 };
 use rcs_msg::Stamp;
 use rcs_msg::channel::WRITER;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -66,7 +67,9 @@ impl std::fmt::Display for RecordWhat {
 /// missing messages (`dropped`).
 pub(crate) const RUN_END: &str = "run_end";
 /// Key of the metadata of a recording that does not begin with its run: the time from which it is complete, ns.
-pub(crate) const FROM: &str = "from_ns";
+const FROM: &str = "from_ns";
+/// Key of the metadata of a part of a recording that lacks what its run did before.
+const LACKS_BEGINNING: &str = "lacks_beginning";
 
 /// A recording in progress.
 pub struct Recording {
@@ -215,6 +218,26 @@ impl Limit {
         self.due = Some(next.unwrap_or_else(|| time.after_ns(self.period_ns)));
         true
     }
+}
+
+/// Metadata of the part of a recording that begins at `from`, for [`WriterOptions::metadata`]: from when on the part is
+/// complete, and whether it lacks the beginning of the recording, so that its run cannot be repeated.
+pub fn metadata_of_part(recording: &Log, from: Stamp) -> BTreeMap<String, String> {
+    let is_later = from > recording.info().start;
+    let complete = complete_from(recording).max(is_later.then_some(from));
+    let complete = complete.map(|from| (FROM, from.0.to_string()));
+    let lacks = (is_later || lacks_beginning(recording)).then(|| (LACKS_BEGINNING, "true".to_owned()));
+    complete.into_iter().chain(lacks).map(|(key, value)| (key.to_owned(), value)).collect()
+}
+
+/// The time from which a recording that does not begin with its run is complete; `None` for one that does.
+pub(crate) fn complete_from(recording: &Log) -> Option<Stamp> {
+    recording.metadata().iter().find_map(|about| about.entries.get(FROM)?.parse().ok()).map(Stamp)
+}
+
+/// Whether a recording is a part that lacks what its run did before, from which the run cannot be repeated.
+pub(crate) fn lacks_beginning(recording: &Log) -> bool {
+    recording.metadata().iter().any(|about| about.entries.contains_key(LACKS_BEGINNING))
 }
 
 /// Writers of a buffer according to the wiring: processes in the order of the stack file, separated by commas, or the

@@ -5,7 +5,7 @@ use crate::error::RunError;
 use crate::journal::{ExternalEvent, Journal};
 use crate::options::RunOptions;
 use crate::process::ProcessType;
-use crate::record::{FROM, RUN_END};
+use crate::record::{RUN_END, complete_from, lacks_beginning};
 use crate::script::ScheduledCycle;
 use crate::stack::{Assets, NoAssets, Plan, PlanOptions, names};
 use crate::stepped::Stepped;
@@ -36,13 +36,20 @@ pub struct RecordedRun {
 
 impl RecordedRun {
     /// Reads a recording's identity, journal and schedule. A truncated or damaged recording is used as far as journal
-    /// and schedule have no gap; [`RecordedRun::problems`] reports it. The journal may contain messages of any of the
-    /// plugins.
+    /// and schedule have no gap; [`RecordedRun::problems`] reports it. A part without the beginning of its recording
+    /// ([`metadata_of_part`](crate::metadata_of_part)) is refused. The journal may contain messages of any of the plugins.
     pub fn read(recording: &Log, plugins: &[ProcessType]) -> Result<Self, RunError> {
         plugins.iter().for_each(ProcessType::register);
         let info = recording.info();
         let ids = |name: &str| info.topics_named(name).map(|topic| topic.id).collect::<Vec<TopicId>>();
         let [runs, schedules, journals] = [names::RUN, names::SCHEDULE, names::JOURNAL].map(ids);
+        if !runs.is_empty() && lacks_beginning(recording) {
+            return Err(RunError::Refused(format!(
+                "the recording is a part of a run without its beginning, from which a run is repeated; \
+                 expected the whole recording, or a part from its beginning on: {}",
+                info.path.display()
+            )));
+        }
         let topics = [runs.clone(), schedules.clone(), journals.clone()].concat();
         let end = recording.metadata().iter().rev().find(|metadata| metadata.name == RUN_END);
         let end = end.and_then(|metadata| {
@@ -53,11 +60,7 @@ impl RecordedRun {
             recording: recording.clone(),
             info: rcs::RunInfo::default(),
             start: info.start,
-            from: recording
-                .metadata()
-                .iter()
-                .find_map(|about| about.entries.get(FROM)?.parse().ok())
-                .map(Stamp),
+            from: complete_from(recording),
             end: end.map_or(info.end, |(time, _)| time),
             whole: end.is_some_and(|(_, dropped)| dropped == 0) && info.problems.is_empty(),
             schedule: Vec::new(),

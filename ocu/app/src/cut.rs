@@ -3,7 +3,8 @@
 //! Messages of the range are copied byte for byte, with their times and sequence numbers. What is needed to understand
 //! them is carried from before the range to its start: of a topic with at most two messages a second (transforms,
 //! calibrations, parameters) the newest message, every description of a process, and of a map that is stored as key
-//! frames and deltas the complete map. Attachments are copied.
+//! frames and deltas the complete map. Attachments are copied. The metadata says whether the part lacks the beginning of
+//! the recording, without which a run in it cannot be repeated.
 
 use crate::cli::CutArgs;
 use crate::output::Files;
@@ -55,8 +56,12 @@ pub fn cut(args: &CutArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     }
     let at = |seconds: f64| info.start.after_ns((seconds * 1e9).round() as u64);
     let (from, to) = (at(args.from), at(to_s).min(info.end));
-    let options =
-        WriterOptions { build: crate::BUILD.to_owned(), replace: args.force, ..WriterOptions::default() };
+    let options = WriterOptions {
+        build: crate::BUILD.to_owned(),
+        metadata: rcs_runtime::metadata_of_part(&log, from),
+        replace: args.force,
+        ..WriterOptions::default()
+    };
     let mut writer = LogWriter::create(&args.output, options)?;
     let cut = copy(&log, from, to, &mut writer)?;
     writer.finish().context("the new recording cannot be completed")?;

@@ -8,11 +8,12 @@ use crate::cli::{
 use crate::{Ended, runs, stacks, usage};
 use rcs_eval::{ClassReport, EvalError, classify, color, obstacles, plan, stereo};
 use rcs_log::Log;
-use rcs_runtime::RunOptions;
+use rcs_runtime::{Plan, RunOptions};
 use rcs_stereo::Method;
 use serde::Serialize;
 use std::fmt::Display;
 use std::io::Write;
+use std::sync::Arc;
 
 /// Runs the evaluation and prints its results.
 pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<Ended> {
@@ -96,8 +97,7 @@ fn classes(args: &EvalClassifyArgs, log: Option<&Log>) -> anyhow::Result<ClassRe
         let log = log.ok_or_else(|| usage("expected a recording or a stack, got neither"))?;
         return classify::recording(&job, log).map_err(told);
     };
-    let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
-    let plan = stacks::plan(stack, args.course.as_deref(), &overrides)?;
+    let plan = plan_of(args, stack, log)?;
     runs::check(&plan, log, args.until, args.course.is_some())?;
     let run = classify::StackRun {
         plan,
@@ -106,6 +106,13 @@ fn classes(args: &EvalClassifyArgs, log: Option<&Log>) -> anyhow::Result<ClassRe
         until_s: args.until,
     };
     classify::stack(&job, run).map_err(told)
+}
+
+/// The stack that makes the label images, with the course of the arguments, or that of the recording that it reads.
+fn plan_of(args: &EvalClassifyArgs, stack: &str, log: Option<&Log>) -> anyhow::Result<Arc<Plan>> {
+    let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
+    let course = stacks::course_on(stack, args.course.as_deref(), log)?;
+    stacks::plan(stack, course.as_deref(), &overrides)
 }
 
 fn arcs(args: &EvalObstaclesArgs, log: &Log) -> anyhow::Result<obstacles::Report> {
@@ -122,4 +129,47 @@ fn arcs(args: &EvalObstaclesArgs, log: &Log) -> anyhow::Result<obstacles::Report
         },
     };
     obstacles::recording(&job, log).map_err(told)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::rcs::CourseRun;
+    use rcs_msg::{AnyMessage, Stamp, schema_of};
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn a_stack_on_a_recording_of_a_course_is_evaluated_on_that_course() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("hill.mcap");
+        let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+        let channel = writer.add_channel("/course", schema_of::<CourseRun>(), &BTreeMap::new()).unwrap();
+        let run = CourseRun { course: "hill".to_owned(), ..CourseRun::default() };
+        let header = WriteHeader { sequence: 1, log_time: Stamp(1), publish_time: Stamp(1) };
+        writer.write(channel, header, &AnyMessage::new(run).bytes()).unwrap();
+        writer.finish().unwrap();
+        let log = stacks::open_log(&path).unwrap();
+        let goal = |course: Option<&str>| {
+            let args = EvalClassifyArgs {
+                log: Some(path.clone()),
+                truth_topic: "/labels".to_owned(),
+                topic: None,
+                stack: Some("replay".to_owned()),
+                course: course.map(str::to_owned),
+                seed: 0,
+                params: Vec::new(),
+                until: None,
+                tolerance: 0.005,
+                json: false,
+            };
+            let plan = plan_of(&args, "replay", Some(&log)).unwrap();
+            let mut processes = plan.processes.iter();
+            let generator = processes.find(|process| &*process.name == "waypoint_generator").unwrap();
+            generator.params.value().unwrap().field("goal").cloned()
+        };
+        assert!(goal(None).is_some());
+        assert_eq!(goal(None), goal(Some("hill")));
+        assert_ne!(goal(None), goal(Some("meadow")));
+    }
 }

@@ -2,12 +2,16 @@
 //! and other parameters.
 //!
 //! A process of the file itself gets the changed fields; a process of an include gets a block `[change.<process>]`.
+//! [`check_path`] says whether the stack would start from the path to which the text is written.
 
 use crate::assets::ProgramAssets;
+use crate::{bundled, usage};
 use anyhow::{Context as _, bail};
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
 use rcs_msg::{AnyMessage, Value};
 use rcs_runtime::{Plan, PlanOptions, StackFile};
+use std::collections::BTreeSet;
+use std::path::Path;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, Value as Toml};
 
 /// The text of a stack file in which a process has these parameters. The result is checked: a stack with the text has
@@ -56,11 +60,45 @@ pub fn unwritten(
     Ok(specs.into_iter().map(|spec| spec.name).collect())
 }
 
-/// The parameters of a process in a stack.
-fn params_of(file: &str, text: &str, course: Option<&str>, process: &str) -> anyhow::Result<AnyMessage> {
+/// Refuses to write the text of the stack `file` to a path from which `ocu --stack` would not start the same stack: the
+/// name of a bundled stack, a part of the stack, or a path beside which the files that it names by relative paths are
+/// missing or differ.
+pub fn check_path(path: &Path, file: &str, text: &str, course: Option<&str>) -> anyhow::Result<()> {
+    let name = path.display().to_string();
+    if bundled::file("stack", &name).is_some() {
+        return Err(usage(format!(
+            "a bundled stack has this name, and would start instead; expected another one, such as \
+             {name}.toml: {name}"
+        )));
+    }
+    let there = plan_of(&name, text, course).context("the stack would not start from there")?;
+    let files: BTreeSet<&str> = there.file.origins().iter().map(|origin| origin.file.as_str()).collect();
+    let target = path.canonicalize().ok();
+    let is_target = |part: &Path| target.is_some() && part.canonicalize().ok() == target;
+    if files.into_iter().any(|part| part != name && is_target(Path::new(part))) {
+        return Err(usage(format!(
+            "the file is a part of the stack; expected another one to write to: {name}"
+        )));
+    }
+    if there.hash != plan_of(file, text, course)?.hash {
+        return Err(usage(format!(
+            "the files that the stack names by relative paths differ there; expected a path in the folder of \
+             {file}: {name}"
+        )));
+    }
+    Ok(())
+}
+
+/// The plan of a stack, on the given course or its own.
+fn plan_of(file: &str, text: &str, course: Option<&str>) -> anyhow::Result<Plan> {
     let stack = StackFile::compose(file, text, &ProgramAssets)?;
     let options = PlanOptions { overrides: &[], course, assets: &ProgramAssets };
-    let plan = Plan::with(stack, rcs_plugins::all(), &options)?;
+    Ok(Plan::with(stack, rcs_plugins::all(), &options)?)
+}
+
+/// The parameters of a process in a stack.
+fn params_of(file: &str, text: &str, course: Option<&str>, process: &str) -> anyhow::Result<AnyMessage> {
+    let plan = plan_of(file, text, course)?;
     let found = plan.processes.iter().find(|known| *known.name == *process);
     let found = found.with_context(|| format!("the stack has no process {process:?}: {file}"))?;
     Ok(found.params.clone())
@@ -223,7 +261,6 @@ fn plain(value: &Value) -> Toml {
 #[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
-    use crate::bundled;
     use rcs_msg::params;
 
     fn text(stack: &str) -> &'static str {

@@ -3,7 +3,6 @@
 use crate::cli::{Param, StackCheckArgs, StackCommand, StackShowArgs};
 use crate::stacks;
 use anyhow::Context as _;
-use rcs_log::Log;
 use rcs_msg::Value;
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
 use rcs_msg::rcs::PoseSource;
@@ -55,7 +54,7 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
         Ok(plan) => {
             match (&args.log, plan.inputs.first()) {
                 (Some(path), _) => {
-                    let log = Log::open(path).with_context(|| format!("cannot open {}", path.display()))?;
+                    let log = stacks::open_log(path)?;
                     findings.errors.extend(plan.check_log(log.info()).err().map(|error| error.to_string()));
                 }
                 (None, Some(input)) => findings

@@ -7,6 +7,7 @@ use crate::{Ended, despite_closed_output, output, stack_edit, stacks};
 use anyhow::bail;
 use rcs_eval::tune;
 use std::io::Write;
+use std::path::Path;
 
 /// Executes `ocu tune`. It fails where a file was asked for and no weights were kept: a script that goes on with the file
 /// would fail later, or use an older one.
@@ -25,10 +26,11 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         runs: args.run,
         options: stacks::options(),
     };
+    // Refused before the weights are learned, which takes long.
+    let stack = args.output.as_ref().map(|path| stack_for(args, path)).transpose()?;
     let tuned = tune::tune(&job, &log).map_err(told)?;
     let kept = tuned.report.kept;
-    if let Some(path) = args.output.as_ref().filter(|_| kept) {
-        let (file, text) = stacks::text_of(&args.stack)?;
+    if let Some((path, (file, text))) = args.output.as_ref().zip(stack).filter(|_| kept) {
         let course = args.course.as_deref();
         let text = stack_edit::with_params(&file, &text, course, &tuned.report.process, &tuned.params)?;
         output::write(path, text.as_bytes(), args.force)?;
@@ -41,6 +43,14 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         }
         _ => Ok(ended),
     }
+}
+
+/// The file of the stack and its text, which is written to `path` with new weights; an error if it would not start from
+/// there.
+fn stack_for(args: &TuneArgs, path: &Path) -> anyhow::Result<(String, String)> {
+    let (file, text) = stacks::text_of(&args.stack)?;
+    stack_edit::check_path(path, &file, &text, args.course.as_deref())?;
+    Ok((file, text))
 }
 
 /// Prints what was learned.

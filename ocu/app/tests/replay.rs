@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use rcs_log::Log;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Runs `ocu`; returns its exit code, output and errors.
@@ -278,12 +278,63 @@ fn each_of_several_runs_is_recorded_and_repeated_with_what_the_one_before_has_le
 }
 
 #[test]
-fn a_stack_on_a_recording_of_a_course_has_the_goal_of_that_course() {
-    let dir = tempfile::tempdir().unwrap();
-    let log = dir.path().join("hill.mcap");
+fn a_part_of_a_recorded_run_is_repeated_if_it_has_the_beginning_and_else_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let [whole, first, later, last] = ["whole.mcap", "first.mcap", "later.mcap", "last.mcap"].map(path);
+    run(&["run", "--stack", "simulation", "--until", "1", "--record", &whole, "--json"], 0);
+    let cut = |args: &[&str]| {
+        let (code, _, errors) = ocu(&[&["cut"][..], args].concat());
+        assert_eq!(code, 0, "{errors}");
+    };
+    cut(&["--to", "0.5", "-o", &first, &whole]);
+    cut(&["--from", "0.5", "-o", &later, &whole]);
+    cut(&["--to", "0.3", "-o", &last, &later]);
+    assert_eq!(run(&["run", "--replay", &first, "--json"], 0)["replay"]["equal"], true);
+    for part in [&later, &last] {
+        let (code, _, errors) = ocu(&["run", "--replay", part]);
+        assert_eq!(code, 2, "{errors}");
+        assert!(errors.contains("a part of a run without its beginning"), "{errors}");
+    }
+}
+
+/// Half a second of the course `hill`, recorded to a folder.
+fn recording_of_hill(folder: &Path) -> PathBuf {
+    let log = folder.join("hill.mcap");
     let run = ["run", "--stack", "simulation", "--course", "hill", "--until", "0.5", "--record"];
     let (code, _, error) = ocu(&[&run[..], &[log.to_str().unwrap()]].concat());
     assert_eq!(code, 0, "{error}");
+    log
+}
+
+#[test]
+fn every_run_on_a_recording_of_a_course_has_the_goal_of_that_course() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let log = recording_of_hill(folder.path());
+    let (log, out) = (log.to_str().unwrap(), path("run.mcap"));
+    let args = ["run", "--stack", "replay", "--log", log, "--runs", "2"];
+    let (_, _, errors) = ocu(&[&args[..], &["--record", &out, "--record-what", "journal"]].concat());
+    let goal = |name: &str| {
+        let log = Log::open(path(name)).unwrap_or_else(|error| panic!("{error}: {errors}"));
+        let recorded = rcs_runtime::RecordedRun::read(&log, rcs_plugins::all()).unwrap();
+        let plan = recorded.plan(rcs_plugins::all()).unwrap();
+        let mut processes = plan.processes.iter();
+        let generator = processes.find(|process| &*process.name == "waypoint_generator").unwrap();
+        generator.params.value().unwrap().field("goal").cloned()
+    };
+    assert!(goal("run-1.mcap").is_some());
+    assert_eq!(goal("run-2.mcap"), goal("run-1.mcap"));
+    // The first of them is repeated with its stack named, too.
+    let first = path("run-1.mcap");
+    let (_, report, errors) = ocu(&["run", "--replay", &first, "--stack", "replay", "--log", log, "--json"]);
+    assert!(report.contains("\"equal\": true"), "{report}{errors}");
+}
+
+#[test]
+fn a_stack_on_a_recording_of_a_course_has_the_goal_of_that_course() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = recording_of_hill(dir.path());
     let goal = |course: Option<&str>| {
         let request = ocu_app::open::Request {
             log: Some(log.clone()),

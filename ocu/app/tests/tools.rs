@@ -303,6 +303,26 @@ fn a_check_tells_what_is_probably_not_meant() {
     assert!(strings(&report["errors"])[0].contains("mine.toml:8"), "{report}");
 }
 
+#[test]
+fn a_check_reads_all_parts_of_a_split_recording() {
+    let (dir, log, stack) = depth_without_calibration();
+    let folder = dir.path().join("split");
+    std::fs::create_dir(&folder).unwrap();
+    let first = folder.join("drive_0.mcap");
+    let mut writer = LogWriter::create(&first, WriterOptions::default()).unwrap();
+    let metadata = std::collections::BTreeMap::default();
+    let other = writer.add_channel("/other", schema_of::<foxglove::RawImage>(), &metadata).unwrap();
+    let header = WriteHeader { sequence: 1, log_time: Stamp(1), publish_time: Stamp(1) };
+    writer.write(other, header, &[]).unwrap();
+    writer.finish().unwrap();
+    // The topic that the stack reads begins in the second file.
+    std::fs::rename(&log, folder.join("drive_1.mcap")).unwrap();
+    for named in [&folder, &first] {
+        let (code, out, errors) = ocu(&["stack", "check", text(&stack), "--log", text(named)]);
+        assert_eq!(code, 0, "{out}{errors}");
+    }
+}
+
 /// A drive of 60 s along a free row, beside a row of obstacles that stereo is sure of once they are near. Terrain calls
 /// both rows the wrong way round. The obstacles are only there in some seconds.
 fn maps_of_a_drive(path: &Path, has_obstacles: impl Fn(u32) -> bool) {
@@ -379,6 +399,8 @@ fn weights_are_learned_from_a_drive_and_written_into_a_stack() {
 
     let (code, _, errors) = ocu(&[&tune[..], &["--process", "planner"]].concat());
     assert!(code == 2 && errors.contains("wm1"), "{code} {errors}");
+    let (code, _, errors) = ocu(&[&tune[..], &["-o", "lagr"]].concat());
+    assert!(code == 2 && errors.contains("a bundled stack has this name"), "{code} {errors}");
     // A recording without maps, and a stack that reads none of it.
     let (_dir, sample) = recording();
     let (code, _, errors) = ocu(&["tune", "--log", text(&sample), "--stack", "lagr"]);

@@ -112,7 +112,8 @@ pub struct RenderArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu cut drive.mcap --from 12.5 --to 20 -o part.mcap\n\n\
                         Messages are copied byte for byte. What the range needs from before its start (transforms, \
-                        calibrations, parameters, the map) is carried to its start.")]
+                        calibrations, parameters, the map) is carried to its start. A part that begins \
+                        later lacks the beginning of its run: ocu run --replay refuses it.")]
 pub struct CutArgs {
     /// Recording to cut
     pub log: PathBuf,

@@ -30,7 +30,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         return replay::run(args, recording, files, out);
     }
     let log = args.log.as_ref().map(stacks::open_log).transpose()?;
-    let plan = plan(args, log.as_ref())?;
+    let (plan, course) = plan(args, log.as_ref())?;
     check_assets(args, files)?;
     runs::check(&plan, log.as_ref(), args.until, args.course.is_some())?;
     if let Some(save) = args.save.iter().find(|save| !has_buffer(&plan, &save.buffer)) {
@@ -47,7 +47,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         let referee = runs::referee(&plan);
         return live::run(args, plan, referee, &acts, out);
     }
-    let mut stack = Ready { args, plan, log, acts };
+    let mut stack = Ready { args, plan, course, log, acts };
     let mut memory = remembered(args);
     let mut recordings = recordings(args).into_iter();
     let seed = args.seed.unwrap_or(0);
@@ -117,8 +117,9 @@ fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
     check_outputs(args, files)
 }
 
-/// The stack named by the arguments, with their course, or that of the recording that it reads, and their parameters.
-fn plan(args: &RunArgs, log: Option<&Log>) -> anyhow::Result<Arc<Plan>> {
+/// The stack named by the arguments, with their course, or that of the recording that it reads, and their parameters; and
+/// this course, `None` for the stack's own.
+fn plan(args: &RunArgs, log: Option<&Log>) -> anyhow::Result<(Arc<Plan>, Option<String>)> {
     let stack =
         args.stack.as_deref().ok_or_else(|| usage("expected --stack, or --replay with a recording"))?;
     let (overrides, remembered) = (overrides(args), remembered(args));
@@ -127,7 +128,8 @@ fn plan(args: &RunArgs, log: Option<&Log>) -> anyhow::Result<Arc<Plan>> {
         return Err(usage(format!("--param and --remembered both have {name}; expected one of them")));
     }
     let course = stacks::course_on(stack, args.course.as_deref(), log)?;
-    stacks::plan_with(stack, course.as_deref(), &overrides, &remembered)
+    let plan = stacks::plan_with(stack, course.as_deref(), &overrides, &remembered)?;
+    Ok((plan, course))
 }
 
 /// Parameters of the command line, as `(process.field, value)`.
@@ -177,6 +179,8 @@ fn what(args: &RunArgs) -> RecordWhat {
 struct Ready<'a> {
     args: &'a RunArgs,
     plan: Arc<Plan>,
+    /// The course of every run; `None` for the stack's own.
+    course: Option<String>,
     log: Option<Log>,
     acts: Vec<Act>,
 }
@@ -257,7 +261,7 @@ impl Ready<'_> {
         recorded: Option<PathBuf>,
     ) -> anyhow::Result<Done> {
         if let Some(name) = &self.args.stack {
-            let course = self.args.course.as_deref();
+            let course = self.course.as_deref();
             self.plan = stacks::plan_with(name, course, &overrides(self.args), memory)?;
         }
         self.run_one(seed, recorded, true)

@@ -5,11 +5,11 @@ use super::{Done, check_assets, overrides, plan, record};
 use crate::assets::ProgramAssets;
 use crate::cli::RunArgs;
 use crate::output::Files;
-use crate::{Ended, parts, stacks};
+use crate::{Ended, parts, stacks, usage};
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_msg::Stamp;
-use rcs_runtime::{RecordedRun, Replay, RunOptions};
+use rcs_runtime::{RecordedRun, Replay, RunError, RunOptions};
 use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
@@ -22,17 +22,17 @@ pub(super) fn run(
     out: &mut dyn Write,
 ) -> anyhow::Result<Ended> {
     let original = Log::open_parts(&parts::of(recording)?)?;
-    let recorded = RecordedRun::read(&original, rcs_plugins::all())?;
+    let recorded = RecordedRun::read(&original, rcs_plugins::all()).map_err(refused)?;
     for problem in recorded.problems() {
         tracing::warn!("{problem}");
     }
+    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let asked = match &args.stack {
-        Some(_) => plan(args, None)?,
+        Some(_) => plan(args, log.as_ref())?.0,
         None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,
     };
     check_assets(args, files)?;
     recorded.check(&asked, args.seed)?;
-    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let base = stacks::options();
     let threads = args.threads.map_or(base.threads, usize::from);
     let options = RunOptions { threads, hash: true, ..base };
@@ -57,4 +57,12 @@ pub(super) fn run(
     done.report.replay = Some(comparison);
     let ended = done.print(args, out)?;
     Ok(if equal { ended } else { Ended::Failed })
+}
+
+/// A recording that holds no run, or only a part of one, is wrong usage: nothing has run yet.
+fn refused(error: RunError) -> anyhow::Error {
+    match error {
+        RunError::Refused(text) => usage(text),
+        error => error.into(),
+    }
 }

@@ -21,6 +21,10 @@ pub(super) struct SaveParams {
 
 /// A change of a stack file.
 struct Edit {
+    /// The file.
+    file: String,
+    /// The course on which the stack runs; `None` for its own.
+    course: Option<String>,
     /// Its text before.
     old: String,
     /// Its text after.
@@ -39,15 +43,12 @@ pub(super) enum Saved {
 impl SaveParams {
     /// Prepares to write parameters into the stack that runs.
     pub(super) fn new(current: &Request, process: &str, params: &AnyMessage) -> Self {
-        let prepared = prepare(current, process, params).map_err(|error| say(&error));
-        let (file, edit) = match prepared {
-            Ok((file, edit)) => (file, Ok(edit)),
-            Err(error) => (String::new(), Err(error)),
-        };
+        let edit = prepare(current, process, params).map_err(|error| say(&error));
+        let file = edit.as_ref().map(|edit| edit.file.clone()).unwrap_or_default();
         Self { process: process.to_owned(), file: PathRow::new(file), edit }
     }
 
-    /// Paints the dialog; no file of `in_use` is written.
+    /// Paints the dialog; no file of `in_use` is written, and none from which the stack would not start.
     pub(super) fn ui(&mut self, ctx: &egui::Context, in_use: impl FnOnce() -> Files) -> Saved {
         let mut written = None;
         let open = dialog(ctx, &format!("Save the parameters of {}", self.process), |ui| {
@@ -61,6 +62,7 @@ impl SaveParams {
             difference(ui, edit);
             ui.add_space(4.0);
             written = self.file.ui(ui, Purpose::Save, edit.old != edit.new, |path| {
+                stack_edit::check_path(path, &edit.file, &edit.new, edit.course.as_deref())?;
                 save(path, edit.new.as_bytes(), in_use())?;
                 Ok(path.to_owned())
             });
@@ -73,8 +75,8 @@ impl SaveParams {
     }
 }
 
-/// The file to write, and what would change in it.
-fn prepare(current: &Request, process: &str, params: &AnyMessage) -> anyhow::Result<(String, Edit)> {
+/// What would change in the file of the stack that runs.
+fn prepare(current: &Request, process: &str, params: &AnyMessage) -> anyhow::Result<Edit> {
     let Some(spec) = &current.stack else {
         anyhow::bail!("nothing runs here from a stack file, so there is none to write to");
     };
@@ -82,12 +84,12 @@ fn prepare(current: &Request, process: &str, params: &AnyMessage) -> anyhow::Res
     let course = current.course.as_deref();
     let new = stack_edit::with_params(&file, &old, course, process, params)?;
     let unwritten = stack_edit::unwritten(&file, &old, course, process, params)?;
-    Ok((file, Edit { old, new, unwritten }))
+    Ok(Edit { file, course: current.course.clone(), old, new, unwritten })
 }
 
 /// The changed lines with three lines around them, marked by sign and colour; and what is not written.
 fn difference(ui: &mut egui::Ui, edit: &Edit) {
-    let Edit { old, new, unwritten } = edit;
+    let Edit { old, new, unwritten, .. } = edit;
     let tokens = tokens(ui);
     if !unwritten.is_empty() {
         let text = format!("Not written, because it is a file: {}", unwritten.join(", "));
@@ -124,6 +126,23 @@ mod tests {
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
     use rcs_msg::params::with_params;
+    use std::path::Path;
+
+    /// A dialog in a window of its own.
+    fn shown(dialog: SaveParams) -> Harness<'static, Option<SaveParams>> {
+        let mut harness = Harness::new_ui_state(
+            |ui, dialog: &mut Option<SaveParams>| {
+                if let Some(dialog) = dialog {
+                    dialog.ui(ui.ctx(), || Files::new(true));
+                }
+            },
+            None,
+        );
+        ocu_ui::install(&harness.ctx);
+        *harness.state_mut() = Some(dialog);
+        harness.run();
+        harness
+    }
 
     #[test]
     fn a_file_in_force_is_said_not_to_be_written() {
@@ -131,17 +150,7 @@ mod tests {
         let process = plan.processes.iter().find(|process| &*process.name == "waypoint_generator").unwrap();
         let request = Request { stack: Some("lagr".to_owned()), ..Request::default() };
         let says = |params: &AnyMessage, text: &str| {
-            let mut harness = Harness::new_ui_state(
-                |ui, dialog: &mut Option<SaveParams>| {
-                    if let Some(dialog) = dialog {
-                        dialog.ui(ui.ctx(), || Files::new(true));
-                    }
-                },
-                None,
-            );
-            ocu_ui::install(&harness.ctx);
-            *harness.state_mut() = Some(SaveParams::new(&request, "waypoint_generator", params));
-            harness.run();
+            let harness = shown(SaveParams::new(&request, "waypoint_generator", params));
             harness.query_by_label(text).is_some()
         };
         let loaded = with_params(&process.params, [("route", "blake3:0123")]).unwrap();
@@ -149,5 +158,45 @@ mod tests {
             ("Not written, because it is a file: route", "The stack file says the same already.");
         assert!(says(&loaded, unwritten) && !says(&loaded, same));
         assert!(says(&process.params, same) && !says(&process.params, unwritten));
+    }
+
+    #[test]
+    fn a_stack_is_not_written_to_where_it_would_not_start() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name).display().to_string();
+        let [mine, part, elsewhere, beside] =
+            ["mine.toml", "base.toml", "other/mine.toml", "again.toml"].map(path);
+        std::fs::create_dir(path("other")).unwrap();
+        let base = "format = 1\nname = \"base\"\n\n[[process]]\nname = \"vehicle_interface\"\n\
+                    plugin = \"vehicle_interface\"\nsupervisor = \"viewer\"\n\
+                    inputs = { teleop = \"/operator/teleop\" }\n";
+        std::fs::write(&part, base).unwrap();
+        let text = "format = 1\nname = \"mine\"\n\n[[include]]\npart = \"./base.toml\"\n";
+        std::fs::write(&mine, text).unwrap();
+        let plan = stacks::plan(&mine, None, &[]).unwrap();
+        let params = with_params(&plan.processes[0].params, [("max_speed_mps", "0.9")]).unwrap();
+        let request = Request { stack: Some(mine), ..Request::default() };
+        let pressed = |path: &str| {
+            let mut dialog = SaveParams::new(&request, "vehicle_interface", &params);
+            dialog.file = PathRow::new(path);
+            let mut harness = shown(dialog);
+            harness.get_by_label(if Path::new(path).exists() { "Replace" } else { "Save" }).click();
+            harness.run();
+            harness
+        };
+        let says = |path: &str, text: &str| pressed(path).query_by_label_contains(text).is_some();
+
+        assert!(says(&elsewhere, "the stack would not start from there"));
+        let other = base.replace("supervisor", "class = \"realtime\"\nsupervisor");
+        std::fs::write(path("other/base.toml"), other).unwrap();
+        assert!(says(&elsewhere, "by relative paths differ there"));
+        assert!(says(&part, "the file is a part of the stack"));
+        assert!(says("lagr", "a bundled stack has this name"));
+        assert!(!Path::new(&elsewhere).exists() && !Path::new("lagr").exists());
+        assert_eq!(std::fs::read_to_string(&part).unwrap(), base);
+
+        pressed(&beside);
+        let written = stacks::plan(&beside, None, &[]).unwrap();
+        assert_eq!(written.processes[0].params.value().unwrap(), params.value().unwrap());
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::compare::{Entry, is_measured};
 use crate::history::Piece;
-use crate::record::FROM;
+use crate::record::complete_from;
 use crate::stack::{Plan, names};
 use rcs_log::{Cursor, CursorOptions, Log, Reassembly, TopicId};
 use rcs_msg::{DeltaCodec, Stamp};
@@ -116,8 +116,7 @@ impl Reading {
     /// The time before which a recording that began during its run has no messages.
     pub(super) fn begins(&self) -> Option<Stamp> {
         let Origin::Log(from) = &self.from else { return None };
-        let mut metadata = from.log.metadata().iter();
-        metadata.find_map(|about| about.entries.get(FROM)?.parse().ok()).map(Stamp)
+        complete_from(&from.log)
     }
 
     /// Reads only these buffers.
