@@ -27,15 +27,7 @@ struct Busy {
 impl Busy {
     fn new(cost: f64) -> (Self, Written) {
         let written = Written::default();
-        let info = SourceInfo {
-            kind: SourceKind::Stack,
-            title: "busy".to_owned(),
-            detail: String::new(),
-            start: Stamp(0),
-            end: None,
-            problems: Vec::new(),
-            gaps: Vec::new(),
-        };
+        let info = SourceInfo { kind: SourceKind::Stack, title: "busy".to_owned(), ..SourceInfo::default() };
         let source = Self {
             now: Stamp(0),
             cost,

@@ -101,6 +101,13 @@ struct Version {
     version: u32,
 }
 
+/// The part of a layout that tells it from others.
+#[derive(Deserialize)]
+#[serde(rename = "Layout")]
+struct Named {
+    name: String,
+}
+
 impl Layout {
     /// Parses a layout; `file` is its name in errors.
     pub fn parse(file: &str, text: &str) -> Result<Self, LayoutError> {
@@ -120,6 +127,11 @@ impl Layout {
             error(line, message)
         })?;
         Ok(layout)
+    }
+
+    /// The name in the text of a layout, which need not be right otherwise.
+    pub(crate) fn name_in(text: &str) -> Option<String> {
+        ron::from_str(text).ok().map(|Named { name }| name)
     }
 
     /// Reads a layout file.

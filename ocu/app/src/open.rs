@@ -96,6 +96,17 @@ impl Request {
         Self { remembered: Some(Arc::new(remembered)), seed, ..self.clone() }
     }
 
+    /// The request for its recording as it is, with all files that are named; `None` without a recording.
+    pub fn recording(&self) -> Option<Self> {
+        let log = Some(self.log.clone()?);
+        Some(Self { log, parts: self.parts.clone(), ..Self::default() })
+    }
+
+    /// The files or the folder of its recording, as they are named.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.log.iter().chain(&self.parts)
+    }
+
     /// Title of the open source. A stack from a file is called by its file, because copies of a stack, such as one that
     /// parameters were saved to, all have the name that is written in them.
     pub fn shown_title(&self, info: &SourceInfo) -> String {
@@ -142,15 +153,7 @@ mod tests {
     #[test]
     fn a_stack_from_a_file_is_called_by_its_file() {
         let title = |stack: &str, kind, title: &str| {
-            let info = SourceInfo {
-                kind,
-                title: title.to_owned(),
-                detail: String::new(),
-                start: rcs_msg::Stamp(0),
-                end: None,
-                problems: Vec::new(),
-                gaps: Vec::new(),
-            };
+            let info = SourceInfo { kind, title: title.to_owned(), ..SourceInfo::default() };
             Request { stack: Some(stack.to_owned()), ..Request::default() }.shown_title(&info)
         };
         assert_eq!(title("lagr", SourceKind::Stack, "lagr"), "lagr");

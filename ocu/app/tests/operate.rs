@@ -1,13 +1,16 @@
-//! Manual driving and the emergency stop in the complete window, without a display.
+//! Manual driving, the emergency stop and alarms in the complete window, without a display.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 mod common;
 
-use common::window::{State, frame, running, wait_for, wait_until, writes};
+use common::window::{State, frame, open, running, wait_for, wait_until, writes};
 use egui::Key;
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
+use ocu_app::layout::Layout;
+use ocu_app::open::Request;
+use ocu_app::window::Options;
 use rcs_msg::rcs;
 use rcs_runtime::source::Frame;
 use std::path::Path;
@@ -307,6 +310,60 @@ fn a_stop_that_is_taken_back_before_it_takes_effect_is_not_sent_again() {
     let moved_on = frame(&harness).unwrap();
     assert!(!is_stopped(&moved_on));
     assert_eq!(moved_on.runs.all.len(), 2);
+}
+
+/// A stack in which one process fails soon after the start: no way is wide enough for it.
+const FAILING: &str = r#"
+format = 1
+name = "failing"
+description = "A driver that is too wide for its course, beside a vehicle interface that waits for an operator."
+course = "corridor"
+
+[[process]]
+name = "vehicle_interface"
+plugin = "vehicle_interface"
+supervisor = "viewer"
+inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop" }
+
+# Before the simulator, so that it has no inputs in its first cycle.
+[[process]]
+name = "truth_driver"
+plugin = "truth_driver"
+supervisor = "viewer"
+inputs = { ground_truth_pose = "/vehicle/ground_truth_pose", ground_truth_map = "/vehicle/ground_truth_map", goal = "/vehicle/goal" }
+params = { vehicle_width_m = 5.0 }
+
+[[process]]
+name = "vehicle"
+plugin = "sim_vehicle"
+supervisor = "viewer"
+"#;
+
+#[test]
+fn an_alarm_of_another_run_is_shown_after_that_of_the_first_one_was_acknowledged() {
+    let dir = tempfile::tempdir().unwrap();
+    let stack = dir.path().join("failing.toml");
+    std::fs::write(&stack, FAILING).unwrap();
+    let request = Request { stack: Some(stack.display().to_string()), ..Request::default() };
+    let mut harness = open(Options { request, layout: Some(Layout::empty()), ..Options::default() });
+    let has_alarm = |harness: &Harness<'_, State>| harness.query_by_label("1 alarm").is_some();
+    wait_for(&mut harness, "the alarm", has_alarm);
+    wait_until(&mut harness, "some time", |frame| frame.time_s() > 0.5);
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    harness.run_steps(2);
+    harness.get_by_label("1 alarm").click();
+    harness.run_steps(3);
+    harness.get_by_label("Acknowledge all").click();
+    harness.run_steps(3);
+    assert!(!has_alarm(&harness));
+
+    look_back(&mut harness);
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
+    assert!(!has_alarm(&harness), "it has not failed yet");
+    harness.key_press(Key::Space);
+    wait_for(&mut harness, "the alarm of this run", has_alarm);
 }
 
 #[test]

@@ -320,6 +320,24 @@ fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
     assert!(second.query_by_label_contains("version 77").is_some());
 }
 
+#[test]
+fn a_change_of_the_layout_that_was_undone_is_undone_at_the_next_start_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let data_dir = Some(dir.path().join("data"));
+    let mut harness = harness(Options { request: sample(dir.path()), layout: None, data_dir });
+    wait_for(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    let kept = dir.path().join("data/layouts/recording_with_2_cameras.ron");
+    let keeps_buffers = |harness: &mut Harness<'_, State>| {
+        harness.run_steps(2);
+        harness.state_mut().as_mut().unwrap().keep_layout();
+        Layout::load(&kept).unwrap().buffers
+    };
+    harness.get_by_label("Buffers").click();
+    assert!(!keeps_buffers(&mut harness), "the list of buffers was closed");
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    assert!(keeps_buffers(&mut harness));
+}
+
 /// The recording that a process of its own opens.
 const LOG: &str = "OCU_TEST_LOG";
 /// Bars for opening a hostile recording, and for the memory of the process.

@@ -40,8 +40,7 @@ pub(crate) fn empty() -> Frame {
         detail: "sample.mcap".into(),
         start: START,
         end: Some(NOW.after_ns(60_000_000_000)),
-        problems: Vec::new(),
-        gaps: Vec::new(),
+        ..SourceInfo::default()
     };
     Frame::empty(Arc::new(info), NOW)
 }

@@ -110,11 +110,20 @@ pub struct Event {
     pub text: Arc<str>,
 }
 
+impl Event {
+    /// Whether a process failed. Warnings are of the kind "errors", too.
+    fn is_alarm(&self) -> bool {
+        self.kind == EventKind::Error && self.level == EventLevel::Error
+    }
+}
+
 #[derive(Default)]
 struct Store {
     all: Vec<Event>,
     /// Indices of the events of each kind, in the order of [`EventKind::ALL`].
     by_kind: [Vec<u32>; EventKind::ALL.len()],
+    /// Indices of the alarms.
+    alarms: Vec<u32>,
 }
 
 impl Store {
@@ -123,6 +132,9 @@ impl Store {
         event.stamp = self.all.last().map_or(event.stamp, |last| last.stamp.max(event.stamp));
         let index = self.all.len() as u32;
         self.by_kind[event.kind as usize].push(index);
+        if event.is_alarm() {
+            self.alarms.push(index);
+        }
         self.all.push(event);
     }
 }
@@ -213,13 +225,13 @@ impl Events {
         found.collect()
     }
 
-    /// The last events of a kind up to and including a time, the latest first.
-    pub fn last_of(&self, kind: EventKind, until: Stamp, most: usize) -> Vec<Event> {
+    /// The last alarms (events of the kind and level "error") up to and including a time, the latest first. The work does
+    /// not depend on the number of other events.
+    pub fn last_alarms(&self, until: Stamp, most: usize) -> Vec<Event> {
         let store = self.store();
-        let indices = &store.by_kind[kind as usize];
         let is_before =
             |&index: &u32| (index as usize) < self.len && store.all[index as usize].stamp <= until;
-        let indices = &indices[..indices.partition_point(is_before)];
+        let indices = &store.alarms[..store.alarms.partition_point(is_before)];
         indices.iter().rev().take(most).map(|&index| store.all[index as usize].clone()).collect()
     }
 

@@ -122,6 +122,22 @@ fn a_branch_has_no_act_that_was_undone_and_the_next_one_is_an_event_again() {
 }
 
 #[test]
+fn an_alarm_is_found_behind_any_number_of_warnings() {
+    let event = |second: u64, level| Event {
+        stamp: Stamp(second * 1_000_000_000),
+        kind: EventKind::Error,
+        level,
+        source: "planner".into(),
+        text: "".into(),
+    };
+    let warnings = (2..14).map(|second| event(second, EventLevel::Warning));
+    let events = Events::of(RunTag::FIRST, [event(1, EventLevel::Error)].into_iter().chain(warnings));
+    let found = |until: u64| events.last_alarms(Stamp(until * 1_000_000_000), 12);
+    assert_eq!(found(13), [event(1, EventLevel::Error)]);
+    assert!(found(0).is_empty());
+}
+
+#[test]
 fn each_type_in_which_events_are_found_has_a_kind_and_the_other_way_round() {
     for name in EVENT_TYPES {
         assert!(EventKind::ALL.iter().any(|kind| kind.is_found_in(name)), "{name}");

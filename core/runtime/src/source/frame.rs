@@ -18,14 +18,15 @@ use rcs_log::Gap;
 use rcs_msg::classes::{CLASSES, LabelClass, classes_from_json};
 use rcs_msg::foxglove::SceneUpdate;
 use rcs_msg::{AnyMessage, Payload, Schema, Stamp, rcs};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Kind of a source.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SourceKind {
     /// A recording without a stack.
+    #[default]
     Log,
     /// A stack that replays a recording.
     Replay,
@@ -34,7 +35,7 @@ pub enum SourceKind {
 }
 
 /// Description of a source.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SourceInfo {
     /// Its kind.
     pub kind: SourceKind,
@@ -50,6 +51,9 @@ pub struct SourceInfo {
     pub problems: Vec<String>,
     /// Long periods without messages, ascending; playing jumps over them.
     pub gaps: Vec<Gap>,
+    /// Names of the topics of the log, as they are in it; none without a log. In [`Frame::topics`], a topic that feeds a
+    /// buffer of a stack has the name of the buffer.
+    pub log_topics: Arc<BTreeSet<String>>,
 }
 
 /// One topic, as the views see it at one moment.
@@ -493,15 +497,7 @@ mod tests {
     fn topics_of_the_run_come_before_those_of_the_recording() {
         let schema = schema_of::<Vector2>();
         let topic = |name: &str, run: RunTag| Topic::new(name, run, Arc::clone(schema));
-        let info = SourceInfo {
-            kind: SourceKind::Replay,
-            title: String::new(),
-            detail: String::new(),
-            start: Stamp(0),
-            end: None,
-            problems: Vec::new(),
-            gaps: Vec::new(),
-        };
+        let info = SourceInfo { kind: SourceKind::Replay, ..SourceInfo::default() };
         let topics =
             [topic("/a", RunTag::Recorded), topic("/b", RunTag::FIRST), topic("/c", RunTag::Recorded)];
         let frame = Frame {

@@ -74,6 +74,7 @@ pub(crate) fn info_of(log: &Log, kind: SourceKind) -> SourceInfo {
         end: Some(info.end),
         problems,
         gaps: info.gaps.clone(),
+        log_topics: Arc::new(info.topics.iter().map(|topic| topic.name.clone()).collect()),
     }
 }
 

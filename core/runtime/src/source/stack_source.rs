@@ -137,12 +137,9 @@ impl StackSource {
             Some(log) => info_of(log, SourceKind::Replay),
             None => SourceInfo {
                 kind: SourceKind::Stack,
-                title: String::new(),
                 detail: plan.file.description().to_owned(),
                 start: run.start(),
-                end: None,
-                problems: Vec::new(),
-                gaps: Vec::new(),
+                ..SourceInfo::default()
             },
         };
         info.title = match log {

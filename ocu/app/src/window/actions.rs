@@ -1,12 +1,11 @@
 //! What the window does on request: commands, actions of the bar at the top, files that are opened or dropped.
 
-use super::alarm_sound;
 use super::body::{Chosen, Window};
 use super::commands::Command;
 use super::focus::cancel;
 use super::leaving::{Lost, Next};
 use super::notices::Matter;
-use super::open::Outcome;
+use super::open::{Outcome, Picked};
 use super::recording;
 use super::top_state::TopBarAction;
 use super::tree::Workspace;
@@ -42,6 +41,18 @@ impl Window {
                 self.notices.error(Matter::Open, text);
             }
             self.open_path(first.path(), controls);
+        }
+    }
+
+    /// Paints the dialog that asks what to open, and opens what was chosen in it.
+    pub(super) fn open_dialog_ui(&mut self, ui: &egui::Ui, controls: &mut Vec<Control>) {
+        match self.opener.ui(ui) {
+            Some(Picked::Path(path)) => self.open_path(&path, controls),
+            Some(Picked::Recent(recent)) => {
+                let past = self.current.past.clone();
+                self.open_asking(Request { past, ..recent }, controls);
+            }
+            None => {}
         }
     }
 
@@ -156,7 +167,9 @@ impl Window {
             }
             Command::TakeBack => controls.push(Control::Undo),
             Command::Silence => {
-                self.alarm_sound.silence(frame.and_then(alarm_sound::newest).unwrap_or_default());
+                if let Some(frame) = frame {
+                    self.alarm_sound.silence(frame);
+                }
             }
             Command::AlarmSound => self.alarm_sound.switch(),
             Command::Record => {
@@ -183,14 +196,12 @@ impl Window {
                 }
             }
             Command::UndoLayout => {
-                if let Some(layout) = self.document.undo() {
-                    self.arrange(&layout);
-                }
+                let step = self.document.undo();
+                self.go_to_step(step);
             }
             Command::RedoLayout => {
-                if let Some(layout) = self.document.redo() {
-                    self.arrange(&layout);
-                }
+                let step = self.document.redo();
+                self.go_to_step(step);
             }
             Command::PlayPause
             | Command::Step { .. }
@@ -227,7 +238,11 @@ impl Window {
             TopBarAction::ToNewest => {
                 controls.extend(frame.map(|frame| Control::Seek(self.timeline.newest(frame))));
             }
-            TopBarAction::Acknowledge(until) => self.known_alarms = until,
+            TopBarAction::Acknowledge(until) => {
+                if let Some(frame) = frame {
+                    self.known_alarms.know(frame.runs.current(), until);
+                }
+            }
             TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
             TopBarAction::Undo => controls.push(Control::Undo),
             TopBarAction::Release(id) => {
@@ -344,6 +359,14 @@ impl Window {
             self.record_layout();
             let kept = self.layout_store.load(&fitting.name, &mut self.notices);
             self.arrange(&kept.unwrap_or(fitting));
+        }
+    }
+
+    /// Goes to a step of the history, if there is one, and keeps it for the next start: it is no new step.
+    fn go_to_step(&mut self, step: Option<Layout>) {
+        if let Some(layout) = step {
+            self.arrange(&layout);
+            self.layout_store.keep(&layout);
         }
     }
 

@@ -3,8 +3,9 @@
 //! The tones go to a player of the system (`pw-cat`, `paplay`, `aplay`). Where there is none, or no sound device, the
 //! window stays silent, and the list of alarms says so.
 
+use super::known_alarms::KnownAlarms;
 use rcs_msg::Stamp;
-use rcs_runtime::source::{EventKind, EventLevel, Frame, SourceKind};
+use rcs_runtime::source::{Frame, SourceKind};
 use std::io::Write;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -28,8 +29,8 @@ const PLAYERS: [(&str, &[&str]); 3] = [
 pub(super) struct AlarmSound {
     /// Whether the user has switched it off.
     is_off: bool,
-    /// Alarms up to this time are silenced.
-    silenced: Stamp,
+    /// The alarms that are silenced.
+    silenced: KnownAlarms,
     /// Time of the newest alarm that was heard, and when that was.
     heard: Option<(Stamp, Instant)>,
     /// Whether no player could be started.
@@ -39,7 +40,7 @@ pub(super) struct AlarmSound {
 impl AlarmSound {
     /// Resets the state for another source; whether it is off stays.
     pub(super) fn forget(&mut self) {
-        (self.silenced, self.heard) = (Stamp(0), None);
+        (self.silenced, self.heard) = (KnownAlarms::default(), None);
     }
 
     /// Whether it is switched on.
@@ -52,9 +53,9 @@ impl AlarmSound {
         self.is_off = !self.is_off;
     }
 
-    /// Silences the alarms up to a time; later ones are heard.
-    pub(super) fn silence(&mut self, until: Stamp) {
-        self.silenced = self.silenced.max(until);
+    /// Silences the alarms of the viewed run up to now; later ones, and those of other runs, are heard.
+    pub(super) fn silence(&mut self, frame: &Frame) {
+        self.silenced.know(frame.runs.current(), newest(frame).unwrap_or_default());
     }
 
     /// Whether this computer has nothing to play a sound with.
@@ -67,7 +68,7 @@ impl AlarmSound {
         // A recording, and the past of a run, alarm nobody.
         let is_live = frame.info.kind != SourceKind::Log && frame.playback.playing && frame.runs.is_at_end;
         let Some(newest) = newest(frame).filter(|newest| is_live && *newest > known_until) else { return };
-        if newest <= self.silenced || self.is_off {
+        if newest <= self.silenced.until(&frame.runs) || self.is_off {
             return;
         }
         if self.is_due(newest, Instant::now()) {
@@ -79,7 +80,8 @@ impl AlarmSound {
     /// Whether the newest alarm is to be heard now.
     fn is_due(&mut self, newest: Stamp, now: Instant) -> bool {
         let is_due = self.heard.is_none_or(|(known, at)| {
-            let wait = if newest > known { LEAST } else { AGAIN };
+            // That of another run may be earlier.
+            let wait = if newest == known { AGAIN } else { LEAST };
             now.saturating_duration_since(at) >= wait
         });
         if is_due {
@@ -89,10 +91,9 @@ impl AlarmSound {
     }
 }
 
-/// Time of the newest error up to the viewed time.
-pub(super) fn newest(frame: &Frame) -> Option<Stamp> {
-    let errors = frame.events()?.last_of(EventKind::Error, frame.now, 12);
-    errors.into_iter().filter(|event| event.level == EventLevel::Error).map(|event| event.stamp).max()
+/// Time of the newest alarm up to the viewed time.
+fn newest(frame: &Frame) -> Option<Stamp> {
+    Some(frame.events()?.last_alarms(frame.now, 1).first()?.stamp)
 }
 
 /// Plays the tones on a thread of its own, with the first player that can.

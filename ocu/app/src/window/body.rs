@@ -10,6 +10,7 @@ use super::focus::show_focus;
 use super::follow::{Follow, is_unfinished};
 use super::frames::FramePolicy;
 use super::keymap::Keymap;
+use super::known_alarms::KnownAlarms;
 use super::layout_store::LayoutStore;
 use super::leaving::Leaving;
 use super::load_param::LoadParam;
@@ -31,7 +32,6 @@ use crate::layout::Layout;
 use crate::open::Request;
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext, Wish};
-use rcs_msg::Stamp;
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Control, Driver, Frame, Source, SourceKind};
 use std::path::PathBuf;
@@ -114,8 +114,8 @@ pub struct Window {
     pub(super) frames: FramePolicy,
     /// Number of runs of the source that the user knows of.
     pub(super) known_runs: usize,
-    /// Alarms up to this time have been acknowledged.
-    pub(super) known_alarms: Stamp,
+    /// The alarms that have been acknowledged.
+    pub(super) known_alarms: KnownAlarms,
     pub(super) alarm_sound: AlarmSound,
     pub(super) marks: Bookmarks,
     /// The file of the recording, while it may grow.
@@ -159,7 +159,7 @@ impl Window {
             compared: Vec::new(),
             frames: FramePolicy::default(),
             known_runs: 0,
-            known_alarms: Stamp(0),
+            known_alarms: KnownAlarms::default(),
             leaving: Leaving::default(),
             alarm_sound: AlarmSound::default(),
             marks: Bookmarks::default(),
@@ -228,7 +228,7 @@ impl Window {
         self.watched.clear();
         self.gathered.clear();
         self.compared.clear();
-        (self.known_runs, self.known_alarms) = (0, Stamp(0));
+        (self.known_runs, self.known_alarms) = (0, KnownAlarms::default());
         self.leaving = Leaving::default();
         self.marks = Bookmarks::of(request.log.as_deref());
         self.current = request;
@@ -322,7 +322,7 @@ impl Window {
         if let Some(frame) = live {
             self.tell_branch(frame);
             self.told.tell(frame, &mut self.notices);
-            self.alarm_sound.sound(ui.ctx(), frame, self.known_alarms);
+            self.alarm_sound.sound(ui.ctx(), frame, self.known_alarms.until(&frame.runs));
         }
         let middle = match &frame {
             Some(frame) => self.source_ui(ui, frame, bar, &mut controls),
@@ -330,9 +330,7 @@ impl Window {
         };
         let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
         self.notices.ui(ui, middle, source_error.as_deref());
-        if let Some(path) = self.opener.ui(ui) {
-            self.open_path(&path, &mut controls);
-        }
+        self.open_dialog_ui(ui, &mut controls);
         self.key_list_ui(ui);
         self.leaving_ui(ui, &mut controls);
         let frame_now = frame.as_deref();
@@ -421,11 +419,11 @@ impl Window {
             recent: self.opener.recent(),
             buffers_open: self.buffers_open,
             layout_name,
-            own_layouts: self.layout_store.own_names(),
+            layouts: &self.layout_store,
             keymap: &self.keymap,
             stop: frame.map(|frame| self.operating.stop_state(frame)).unwrap_or_default(),
             pushed: self.operating.is_pushed(),
-            known_until: self.known_alarms,
+            known_until: frame.map(|frame| self.known_alarms.until(&frame.runs)).unwrap_or_default(),
             alarm_sound: &self.alarm_sound,
             grows: self.follow.as_ref().is_some_and(Follow::is_growing),
         };

@@ -41,9 +41,7 @@ impl Bookmarks {
     /// Those of a recording; empty ones without a recording.
     pub(super) fn of(log: Option<&Path>) -> Self {
         let Some(log) = log else { return Self::default() };
-        let mut name = log.as_os_str().to_owned();
-        name.push(".marks.json");
-        let file = PathBuf::from(name);
+        let file = file_of(log);
         let read = match std::fs::read_to_string(&file) {
             Ok(text) => serde_json::from_str::<Vec<Mark>>(&text).map_err(|error| error.to_string()),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
@@ -187,6 +185,14 @@ impl Bookmarks {
     }
 }
 
+/// The file beside a recording: of a file or folder, with or without a slash at its end.
+fn file_of(log: &Path) -> PathBuf {
+    let log = std::path::absolute(log).unwrap_or_else(|_| log.to_owned());
+    let mut name = log.file_name().unwrap_or_default().to_owned();
+    name.push(".marks.json");
+    log.with_file_name(name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -213,5 +219,13 @@ mod tests {
         damaged.toggle(Stamp(5));
         assert!(damaged.take_failure().unwrap().contains("drive.mcap.marks.json"));
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "nonsense");
+    }
+
+    #[test]
+    fn the_bookmarks_of_a_folder_are_beside_it_with_and_without_a_slash_at_its_end() {
+        let dir = tempfile::tempdir().unwrap();
+        Bookmarks::of(Some(&dir.path().join("drive/"))).toggle(Stamp(10));
+        assert_eq!(Bookmarks::of(Some(&dir.path().join("drive"))).marks.len(), 1);
+        assert!(dir.path().join("drive.marks.json").is_file());
     }
 }

@@ -8,7 +8,6 @@ use crate::open::Request;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, Source, SourceKind, Task};
 use std::fs::Metadata;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -42,11 +41,12 @@ struct Shared {
 impl Follow {
     /// Watches the recording of a request, if it is shown as it is, has not been finished, and was changed lately.
     pub(super) fn of(request: &Request, frame: &Frame, ctx: &egui::Context) -> Option<Self> {
-        let path = request.log.clone().filter(|_| request.stack.is_none() && is_unfinished(frame))?;
-        let metadata = path.metadata().ok().filter(was_changed_lately)?;
+        let recording = request.recording().filter(|_| request.stack.is_none() && is_unfinished(frame))?;
+        let metadata = metadata_of(&recording);
+        let length = metadata.iter().any(was_changed_lately).then(|| length_bytes(&metadata))?;
         let shared = Arc::new(Shared { viewed: AtomicU64::new(frame.now.0), ..Shared::default() });
         let ((found, sources), (end, ended)) = (channel(), channel());
-        let watch = Watch { path, length: metadata.len(), shared: Arc::clone(&shared), ctx: ctx.clone() };
+        let watch = Watch { recording, length, shared: Arc::clone(&shared), ctx: ctx.clone() };
         let thread = std::thread::Builder::new().name("follow".to_owned());
         thread.spawn(move || watch.run(&found, &ended)).ok()?;
         Some(Self { shared, sources, _end: end })
@@ -66,7 +66,8 @@ impl Follow {
 
 /// The work of the thread.
 struct Watch {
-    path: PathBuf,
+    /// The request for it.
+    recording: Request,
     /// Size of what is shown, bytes.
     length: u64,
     shared: Arc<Shared>,
@@ -85,20 +86,20 @@ impl Watch {
             if grew.elapsed() > FINISHED {
                 return;
             }
-            let length = self.path.metadata().map_or(self.length, |metadata| metadata.len());
+            let length = length_bytes(&metadata_of(&self.recording));
             if length <= self.length {
                 continue;
             }
             grew = Instant::now();
             self.shared.grows.store(true, Ordering::Relaxed);
-            match read(&self.path, Stamp(self.shared.viewed.load(Ordering::Relaxed))) {
+            match read(&self.recording, Stamp(self.shared.viewed.load(Ordering::Relaxed))) {
                 Ok(source) => {
                     self.length = length;
                     // Fails if the recording is no longer shown.
                     let _ = found.send(source);
                 }
                 // A record that is just being written may not be readable; the next look is later.
-                Err(error) => tracing::debug!("{error:#}: {}", self.path.display()),
+                Err(error) => tracing::debug!("{error:#}: {}", self.recording.title()),
             }
             self.ctx.request_repaint();
             pause = LOOK.max(grew.elapsed() * PAUSES);
@@ -116,10 +117,18 @@ fn was_changed_lately(metadata: &Metadata) -> bool {
     metadata.is_file() && age.is_none_or(|age| age < FINISHED)
 }
 
+/// What the system says about the files of a recording.
+fn metadata_of(recording: &Request) -> Vec<Metadata> {
+    recording.files().filter_map(|path| path.metadata().ok()).collect()
+}
+
+fn length_bytes(files: &[Metadata]) -> u64 {
+    files.iter().map(Metadata::len).sum()
+}
+
 /// The recording as it is now, with its tracks and events, at a time.
-fn read(path: &Path, viewed: Stamp) -> anyhow::Result<Box<dyn Source>> {
-    let request = Request { log: Some(path.to_owned()), ..Request::default() };
-    let mut source = crate::stacks::open(&request)?;
+fn read(recording: &Request, viewed: Stamp) -> anyhow::Result<Box<dyn Source>> {
+    let mut source = crate::stacks::open(recording)?;
     while source.idle() {}
     source.seek(viewed, &Task::default())?;
     Ok(source)

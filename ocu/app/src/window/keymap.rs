@@ -33,7 +33,12 @@ impl Keymap {
                 keymap.changed = changed;
                 None
             }
-            Err(error) => Some(format!("the keys that were changed cannot be used: {error}: {shown}")),
+            Err(error) => {
+                // A file that cannot be read is not written over.
+                keymap.file = None;
+                let text = "the keys that were changed cannot be used, and no change is kept";
+                Some(format!("{text}: {error}: {shown}"))
+            }
         };
         (keymap, error)
     }
@@ -169,6 +174,19 @@ mod tests {
             let (keymap, error) = Keymap::load(file.clone());
             assert!(error.unwrap().contains(part) && !keymap.is_changed());
         }
+    }
+
+    #[test]
+    fn a_file_with_an_unknown_command_is_not_written_over() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("keys.ron");
+        let text = "{\"fly\": [\"L\"], \"loop\": [\"F8\"]}";
+        std::fs::write(&file, text).unwrap();
+        let (mut keymap, _) = Keymap::load(Some(file.clone()));
+        let play = entry_of(Command::PlayPause).unwrap();
+        keymap.set(play, Shortcut::parse("F9").unwrap()).unwrap();
+        assert_eq!(keymap.text(Command::PlayPause), "F9");
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), text);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::notices::{Matter, Notices};
 use crate::bundled;
 use crate::layout::Layout;
 use crate::say;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
@@ -49,6 +49,24 @@ fn is_bundled(name: &str) -> bool {
     bundled::names("layout").contains(&name)
 }
 
+/// File name of a layout. Characters other than letters, digits and `-` in its name are replaced by `_`. No layout of the
+/// user's has the file of a bundled one.
+fn file_name(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
+    let stem: String = name.chars().take(64).map(plain).collect();
+    let prefix = if is_bundled(&stem) && !is_bundled(name) { "own-" } else { "" };
+    format!("{prefix}{stem}.ron")
+}
+
+/// The name of the layout in a file: the one that is written in it, or that of the file if it cannot be read. `None` for
+/// a file that no layout with that name would have.
+fn name_of(path: &Path) -> Option<String> {
+    let stem = path.file_stem()?.to_string_lossy().into_owned();
+    let written = std::fs::read_to_string(path).ok().and_then(|text| Layout::name_in(&text));
+    let mut names = written.into_iter().chain([stem]);
+    names.find(|name| path.file_name().is_some_and(|file| file == file_name(name).as_str()))
+}
+
 fn write((path, layout): &(PathBuf, Layout), failed: &Sender<String>) {
     if let Err(error) = layout.save(path) {
         // Nobody waits for it after the window has closed.
@@ -60,18 +78,15 @@ impl LayoutStore {
     pub(super) fn new(folder: Option<PathBuf>) -> Self {
         let files = folder.as_deref().map(std::fs::read_dir).and_then(Result::ok);
         let paths = files.into_iter().flatten().flatten().map(|file| file.path());
-        let layouts = paths.filter(|path| path.extension().is_some_and(|extension| extension == "ron"));
-        let names = layouts.filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned()));
-        let mut own: Vec<String> = names.filter(|name| !is_bundled(name)).collect();
+        let mut own: Vec<String> = paths.filter_map(|path| name_of(&path)).collect();
+        own.retain(|name| !is_bundled(name));
         own.sort();
         Self { folder, last: None, writer: None, own }
     }
 
-    /// File of a layout. Characters other than letters, digits and `-` in its name are replaced by `_`.
+    /// File of a layout.
     fn path(&self, name: &str) -> Option<PathBuf> {
-        let plain = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
-        let file: String = name.chars().take(64).map(plain).collect();
-        Some(self.folder.as_ref()?.join(format!("{file}.ron")))
+        Some(self.folder.as_ref()?.join(file_name(name)))
     }
 
     /// The stored layout with this name, if any.
@@ -92,6 +107,12 @@ impl LayoutStore {
         &self.own
     }
 
+    /// The layout of the user's that one with this name would replace, because it has the same file.
+    pub(super) fn replaced_by(&self, name: &str) -> Option<&str> {
+        let file = file_name(name);
+        self.own.iter().map(String::as_str).find(|own| file_name(own) == file)
+    }
+
     /// Stores a layout if it has changed.
     pub(super) fn keep(&mut self, layout: &Layout) {
         let Some(path) = self.path(&layout.name).filter(|_| self.last.as_ref() != Some(layout)) else {
@@ -103,6 +124,8 @@ impl LayoutStore {
         if let Some(writer) = &self.writer {
             self.last = Some(layout.clone());
             if !is_bundled(&layout.name) && !self.own.contains(&layout.name) {
+                let file = file_name(&layout.name);
+                self.own.retain(|own| file_name(own) != file);
                 self.own.push(layout.name.clone());
             }
             let _ = writer.layouts.send((path, layout.clone()));
@@ -122,6 +145,33 @@ impl LayoutStore {
         if let Some(Writer { layouts, thread, .. }) = self.writer.take() {
             drop(layouts);
             let _ = thread.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_like_that_of_another_layout_takes_no_file_of_a_bundled_one_and_replaces_one_of_the_users() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = || Some(dir.path().join("layouts"));
+        let layout = |name: &str| Layout { name: name.to_owned(), ..Layout::empty() };
+        let mut store = LayoutStore::new(folder());
+        for name in ["world_model", "world model", "a b"] {
+            store.keep(&layout(name));
+        }
+        assert_eq!((store.replaced_by("a_b"), store.replaced_by("a c")), (Some("a b"), None));
+        store.keep(&layout("a_b"));
+        assert_eq!(store.own_names(), ["world model", "a_b"]);
+        store.finish();
+
+        let again = LayoutStore::new(folder());
+        assert_eq!(again.own_names(), ["a_b", "world model"]);
+        let mut notices = Notices::default();
+        for name in ["world_model", "world model", "a_b"] {
+            assert_eq!(again.load(name, &mut notices).map(|layout| layout.name).as_deref(), Some(name));
         }
     }
 }

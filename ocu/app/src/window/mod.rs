@@ -20,6 +20,7 @@ mod frames;
 mod held;
 mod joystick;
 mod keymap;
+mod known_alarms;
 mod lanes;
 mod layout_store;
 mod leaving;

@@ -14,6 +14,8 @@ use std::time::{Duration, Instant};
 
 /// Number of recent recordings that are remembered.
 const MOST_RECENT: usize = 10;
+/// What is between the files of one recording in the list of recent recordings.
+const BETWEEN: &str = "\t";
 /// A file dialog that closes sooner than this was not shown to the user.
 const SEEN: Duration = Duration::from_millis(400);
 
@@ -85,9 +87,7 @@ impl Opener {
         let (request, _) = self.pending.take()?;
         Some(match result {
             Ok(Ok(source)) => {
-                if let Some(log) = &request.log {
-                    self.recent.add(log);
-                }
+                self.recent.add(&request);
                 Outcome::Opened(request, source)
             }
             Ok(Err(error)) => Outcome::Failed(say(&error)),
@@ -101,17 +101,17 @@ impl Opener {
             Some(Dialog { path: String::new(), hint: None, fresh: true, completion: Completion::default() });
     }
 
-    /// Recently opened recordings, the newest first.
-    pub(super) fn recent(&self) -> &[PathBuf] {
-        &self.recent.paths
+    /// Requests for the recently opened recordings, the newest first.
+    pub(super) fn recent(&self) -> &[Request] {
+        &self.recent.recordings
     }
 
     /// Paints the dialog while it is open: a path, recent recordings, and a button for the system's file dialog.
-    /// Returns the chosen path.
-    pub(super) fn ui(&mut self, ui: &egui::Ui) -> Option<PathBuf> {
+    /// Returns what was chosen.
+    pub(super) fn ui(&mut self, ui: &egui::Ui) -> Option<Picked> {
         if let Some(chosen) = self.poll_browser() {
             self.dialog = None;
-            return Some(chosen);
+            return Some(Picked::Path(chosen));
         }
         let dialog = self.dialog.as_mut()?;
         let (mut chosen, mut open, mut browse) = (None, true, false);
@@ -147,7 +147,7 @@ impl Opener {
                         response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
                     let ready = !dialog.path.trim().is_empty();
                     if (ui.add_enabled(ready, egui::Button::new("Open")).clicked() || entered) && ready {
-                        chosen = Some(expanded(dialog.path.trim()));
+                        chosen = Some(Picked::Path(expanded(dialog.path.trim())));
                     }
                 });
                 ui.horizontal(|ui| {
@@ -171,17 +171,17 @@ impl Opener {
                             dialog.path = path;
                             dialog.fresh = true;
                         } else {
-                            chosen = Some(expanded(&path));
+                            chosen = Some(Picked::Path(expanded(&path)));
                         }
                     }
                 }
-                if !self.recent.paths.is_empty() {
+                if !self.recent.recordings.is_empty() {
                     ui.add_space(4.0);
                     ui.label(egui::RichText::new("Recent").small().color(tokens(ui).weak));
                 }
-                for path in &self.recent.paths {
-                    if recent_button(ui, path).clicked() {
-                        chosen = Some(path.clone());
+                for recent in &self.recent.recordings {
+                    if recent_button(ui, recent).clicked() {
+                        chosen = Some(Picked::Recent(recent.clone()));
                     }
                 }
             });
@@ -231,43 +231,61 @@ impl Opener {
 }
 
 /// A button for a recent recording, with its name and, less prominent, its folder.
-pub(super) fn recent_button(ui: &mut egui::Ui, path: &Path) -> egui::Response {
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let folder = path.parent().map(|folder| folder.display().to_string()).unwrap_or_default();
+pub(super) fn recent_button(ui: &mut egui::Ui, recent: &Request) -> egui::Response {
+    let name = match recent.parts.len() {
+        0 => recent.title(),
+        more => format!("{} and {more} more", recent.title()),
+    };
+    let folder = recent.log.as_deref().and_then(Path::parent).map(|folder| folder.display().to_string());
+    let folder = folder.unwrap_or_default();
     let weak = tokens(ui).weak;
     let text = egui::RichText::new(&name);
     let button =
         egui::Button::new((text, egui::RichText::new(folder).small().color(weak))).truncate().frame(false);
     let response = ui.add(button);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
-    response.on_hover_text(path.display().to_string())
+    let files: Vec<String> = recent.files().map(|path| path.display().to_string()).collect();
+    response.on_hover_text(files.join("\n"))
 }
 
-/// The list of recent recordings, stored in a file.
+/// The list of recent recordings, stored in a file: a line for each, with all files that were named.
 #[derive(Debug, Default)]
 struct Recent {
     file: Option<PathBuf>,
-    paths: Vec<PathBuf>,
+    recordings: Vec<Request>,
 }
 
 impl Recent {
     fn load(file: Option<PathBuf>) -> Self {
         let text = file.as_deref().and_then(|file| std::fs::read_to_string(file).ok()).unwrap_or_default();
-        let paths =
-            text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).take(MOST_RECENT).collect();
-        Self { file, paths }
+        let recording = |line: &str| {
+            let mut files = line.split(BETWEEN).map(PathBuf::from);
+            Request { log: files.next(), parts: files.collect(), ..Request::default() }
+        };
+        let recordings =
+            text.lines().filter(|line| !line.is_empty()).map(recording).take(MOST_RECENT).collect();
+        Self { file, recordings }
     }
 
-    fn add(&mut self, path: &Path) {
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        self.paths.retain(|known| *known != path);
-        self.paths.insert(0, path);
-        self.paths.truncate(MOST_RECENT);
-        let mut text: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
-        // Adds a newline at the end.
-        text.push(String::new());
+    /// Adds the recording of a request, if it has one.
+    fn add(&mut self, request: &Request) {
+        let Some(mut recording) = request.recording() else { return };
+        for path in recording.log.iter_mut().chain(&mut recording.parts) {
+            let absolute = std::path::absolute(path.as_path()).unwrap_or_else(|_| path.clone());
+            // Without a slash at the end of a folder.
+            *path = absolute.components().collect();
+        }
+        self.recordings.retain(|known| *known != recording);
+        self.recordings.insert(0, recording);
+        self.recordings.truncate(MOST_RECENT);
+        let mut text = String::new();
+        for recording in &self.recordings {
+            let files: Vec<String> = recording.files().map(|path| path.display().to_string()).collect();
+            text += &files.join(BETWEEN);
+            text.push('\n');
+        }
         if let Some(file) = &self.file
-            && let Err(error) = write_whole(file, &text.join("\n"))
+            && let Err(error) = write_whole(file, &text)
         {
             tracing::warn!("the list of recent recordings was not kept: {error}");
         }
@@ -275,7 +293,7 @@ impl Recent {
 }
 
 /// Contents of an empty window.
-pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invited> {
+pub(super) fn invitation(ui: &mut egui::Ui, recent: &[Request]) -> Option<Invited> {
     let mut invited = None;
     let tokens = tokens(ui);
     let height = ui.available_height();
@@ -297,13 +315,20 @@ pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invite
             ui.add_space(16.0);
             ui.label(egui::RichText::new("Recent").small().color(tokens.weak));
         }
-        for path in recent {
-            if recent_button(ui, path).clicked() {
-                invited = Some(Invited::Open(Request { log: Some(path.clone()), ..Request::default() }));
+        for recent in recent {
+            if recent_button(ui, recent).clicked() {
+                invited = Some(Invited::Open(recent.clone()));
             }
         }
     });
     invited
+}
+
+/// What the user chose in the dialog.
+pub(super) enum Picked {
+    Path(PathBuf),
+    /// A recent recording.
+    Recent(Request),
 }
 
 /// What the user chose in an empty window.
@@ -357,13 +382,33 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("recent.txt");
         let mut recent = Recent::load(Some(file.clone()));
+        let recording =
+            |index: i32| Request { log: Some(format!("/logs/{index}.mcap").into()), ..Request::default() };
         for index in 0..12 {
-            recent.add(Path::new(&format!("/logs/{index}.mcap")));
+            recent.add(&recording(index));
         }
-        recent.add(Path::new("/logs/8.mcap"));
-        let again = Recent::load(Some(file)).paths;
+        recent.add(&recording(8));
+        let again = Recent::load(Some(file)).recordings;
         assert_eq!(again.len(), MOST_RECENT);
-        assert_eq!(again[0], Path::new("/logs/8.mcap"));
-        assert_eq!(again.iter().filter(|path| path.ends_with("8.mcap")).count(), 1);
+        assert_eq!(again[0], recording(8));
+        assert_eq!(again.iter().filter(|known| **known == recording(8)).count(), 1);
+    }
+
+    #[test]
+    fn a_recent_recording_has_all_files_that_were_named_and_a_folder_is_listed_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("recent.txt");
+        let mut recent = Recent::load(Some(file.clone()));
+        let named = Request {
+            log: Some("/logs/early.mcap".into()),
+            parts: vec!["/logs/late.mcap".into(), "/logs/last.mcap".into()],
+            ..Request::default()
+        };
+        recent.add(&Request { seed: 3, ..named.clone() });
+        let folder = |path: &str| Request { log: Some(path.into()), ..Request::default() };
+        recent.add(&folder("/logs/drive"));
+        recent.add(&folder("/logs/drive/"));
+        assert_eq!(std::fs::read_to_string(&file).unwrap().lines().next(), Some("/logs/drive"));
+        assert_eq!(Recent::load(Some(file)).recordings, [folder("/logs/drive"), named]);
     }
 }

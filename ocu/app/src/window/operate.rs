@@ -282,15 +282,7 @@ mod tests {
 
     /// A moment of a source with three runs: run 1 began in run 0 after 100 events, run 2 in run 1 after 150.
     fn frame(at: Moment) -> Frame {
-        let info = SourceInfo {
-            kind: SourceKind::Stack,
-            title: String::new(),
-            detail: String::new(),
-            start: Stamp(0),
-            end: None,
-            problems: Vec::new(),
-            gaps: Vec::new(),
-        };
+        let info = SourceInfo { kind: SourceKind::Stack, ..SourceInfo::default() };
         let began = [None, Some(moment(0, 100, 0)), Some(moment(1, 150, 2))];
         let runs = began.into_iter().zip(0..).map(|(from, id)| RunSummary {
             id: RunId(id),

@@ -353,15 +353,7 @@ mod tests {
     fn a_sweep_says_that_it_does_not_use_parameters_that_were_sent() {
         use rcs_msg::rcs::{ProcessInfo, SpeedLimit};
         use rcs_runtime::source::{RunTag, SourceInfo, SourceKind, Topic};
-        let info = SourceInfo {
-            kind: SourceKind::Stack,
-            title: String::new(),
-            detail: String::new(),
-            start: Stamp(0),
-            end: None,
-            problems: Vec::new(),
-            gaps: Vec::new(),
-        };
+        let info = SourceInfo { kind: SourceKind::Stack, ..SourceInfo::default() };
         let frame = |messages: u64| {
             let schema = Arc::clone(rcs_msg::schema_of::<SpeedLimit>());
             let mut params = Topic::new("/a/params", RunTag::FIRST, schema);

@@ -12,6 +12,7 @@ use egui::{Role, WidgetInfo};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::icons;
 use rcs_msg::rcs::{CourseRun, RunInfo};
+use rcs_runtime::StackFile;
 use rcs_runtime::source::Frame;
 use std::borrow::Cow;
 
@@ -29,10 +30,9 @@ pub(super) fn open_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, action
             actions.push(TopBarAction::Open(Request { past: past(), ..Request::simulation() }));
             ui.close();
         }
-        for path in state.recent {
-            if recent_button(ui, path).clicked() {
-                let log = Some(path.clone());
-                actions.push(TopBarAction::Open(Request { log, past: past(), ..Request::default() }));
+        for recent in state.recent {
+            if recent_button(ui, recent).clicked() {
+                actions.push(TopBarAction::Open(Request { past: past(), ..recent.clone() }));
                 ui.close();
             }
         }
@@ -101,12 +101,16 @@ pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actio
         for (name, stack) in
             stacks::bundled().iter().filter(|(_, stack)| !alone || stack.topics().next().is_none())
         {
-            let missing =
-                stack.topics().find(|topic| frame.is_some_and(|frame| frame.topic(topic).is_none()));
-            choice(ui, Some(name), name, missing, stack.description());
+            choice(ui, Some(name), name, missing(stack, frame), stack.description());
         }
     });
     button.on_hover_text(format!("The stack that runs: {name}"));
+}
+
+/// The first topic that a stack reads and the open recording does not have.
+fn missing<'a>(stack: &'a StackFile, frame: Option<&Frame>) -> Option<&'a str> {
+    let known = &frame?.info.log_topics;
+    stack.topics().find(|topic| !known.contains(*topic))
 }
 
 /// Course and seed of a simulation.
@@ -212,9 +216,9 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
         for name in bundled::names("layout") {
             choice(ui, name);
         }
-        if !state.own_layouts.is_empty() {
+        if !state.layouts.own_names().is_empty() {
             ui.separator();
-            state.own_layouts.iter().for_each(|name| choice(ui, name));
+            state.layouts.own_names().iter().for_each(|name| choice(ui, name));
         }
         ui.separator();
         let needed = [
@@ -240,7 +244,13 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
             let edit = ui.add(edit);
             ui.ctx().accesskit_node_builder(edit.id, |node| node.set_label("Name of the layout"));
             let is_free = !name.trim().is_empty() && Layout::bundled(name.trim()).is_none();
-            if ui.add_enabled(is_free, egui::Button::new("Keep as")).clicked() {
+            let replaced = state.layouts.replaced_by(name.trim());
+            let text = if replaced.is_some() { "Replace" } else { "Keep as" };
+            let mut keep = ui.add_enabled(is_free, egui::Button::new(text));
+            if let Some(replaced) = replaced {
+                keep = keep.on_hover_text(format!("Replaces your layout {replaced}"));
+            }
+            if keep.clicked() {
                 actions.push(TopBarAction::SaveLayout(name.trim().to_owned()));
                 name.clear();
                 ui.close();
@@ -256,6 +266,40 @@ mod tests {
     use super::*;
     use rcs_runtime::source::Task;
     use std::sync::Arc;
+
+    /// A stack that reads a recorded topic under another name.
+    const RENAMES: &str = r#"
+format = 1
+name = "renames"
+description = "Reads odometry under another name."
+
+[[input]]
+buffer = "/odometry"
+topic = "/localization/local"
+
+[[process]]
+name = "vehicle_interface"
+plugin = "vehicle_interface"
+supervisor = "viewer"
+inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop", local = "/odometry" }
+"#;
+
+    #[test]
+    fn a_stack_can_be_chosen_if_the_recording_has_its_topics_whatever_the_open_stack_makes_of_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let (log, stack) = (dir.path().join("drive.mcap"), dir.path().join("renames.toml"));
+        crate::sample::write(&log, 0.5, false).unwrap();
+        std::fs::write(&stack, RENAMES).unwrap();
+        let stack = Some(stack.display().to_string());
+        let request = Request { log: Some(log), stack, ..Request::default() };
+        let frame = stacks::open(&request).unwrap().frame();
+        assert!(frame.topic("/localization/local").is_none() && frame.topic("/odometry").is_some());
+        assert_eq!(missing(&stacks::named("sample").unwrap(), Some(&frame)), None);
+        let computed = "/vehicle_interface/wheels";
+        assert!(frame.topic(computed).is_some());
+        let reads = StackFile::parse("b.toml", &RENAMES.replace("/localization/local", computed)).unwrap();
+        assert_eq!(missing(&reads, Some(&frame)), Some(computed));
+    }
 
     #[test]
     fn stack_course_and_seed_are_those_of_the_viewed_run() {

@@ -3,6 +3,7 @@
 use super::alarm_sound::AlarmSound;
 use super::commands::Command;
 use super::keymap::Keymap;
+use super::layout_store::LayoutStore;
 use super::operate::StopState;
 use crate::open::Request;
 use ocu_views::ViewType;
@@ -15,16 +16,15 @@ pub(super) struct State<'a> {
     pub(super) frame: Option<&'a Frame>,
     pub(super) current: &'a Request,
     pub(super) opening: Option<String>,
-    pub(super) recent: &'a [PathBuf],
+    pub(super) recent: &'a [Request],
     pub(super) buffers_open: bool,
     pub(super) layout_name: &'a str,
-    /// The user's layouts that are none of the bundled ones.
-    pub(super) own_layouts: &'a [String],
+    pub(super) layouts: &'a LayoutStore,
     pub(super) keymap: &'a Keymap,
     pub(super) stop: StopState,
     /// Whether a control of manual driving is deflected.
     pub(super) pushed: bool,
-    /// Alarms up to this time are known to the user.
+    /// Alarms of the viewed run up to this time are known to the user.
     pub(super) known_until: rcs_msg::Stamp,
     pub(super) alarm_sound: &'a AlarmSound,
     /// Whether the recording is still being written.
@@ -47,7 +47,7 @@ pub(super) enum TopBarAction {
     Seek(rcs_msg::Stamp),
     /// Go to the newest time of the run that is shown.
     ToNewest,
-    /// The alarms up to this time are known.
+    /// The alarms of the viewed run up to this time are known.
     Acknowledge(rcs_msg::Stamp),
     /// Show another run of the stack.
     SwitchRun(RunId),

@@ -5,7 +5,7 @@ use super::top_state::{Actions, State, TopBarAction};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::rcs::ProcessState;
-use rcs_runtime::source::{EventKind, EventLevel, Frame, SourceKind, Topic};
+use rcs_runtime::source::{Frame, SourceKind, Topic};
 
 /// Who holds the authority after a command of the operator.
 const OPERATOR: &str = "operator";
@@ -81,11 +81,11 @@ pub(super) fn authority(ui: &mut egui::Ui, form: Form, frame: &Frame) {
     );
 }
 
-/// The errors that the user has not acknowledged.
+/// The alarms that the user has not acknowledged.
 pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &Frame, actions: &mut Actions) {
     let Some(events) = frame.events() else { return };
-    let mut errors = events.last_of(EventKind::Error, frame.now, MOST_ALARMS);
-    errors.retain(|event| event.level == EventLevel::Error && event.stamp > state.known_until);
+    let mut errors = events.last_alarms(frame.now, MOST_ALARMS);
+    errors.retain(|event| event.stamp > state.known_until);
     if errors.is_empty() {
         return;
     }

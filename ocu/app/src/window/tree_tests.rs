@@ -90,15 +90,7 @@ fn a_condition_stops_the_source_while_its_view_is_hidden() {
     let condition = Node::View { kind: "conditions".into(), state, run: RunChoice::Shown, id: 0 };
     let root = Node::Tabs { active: 1, tiles: vec![condition, view("map", 0)] };
     let mut workspace = Workspace::new(&Layout { root, ..Layout::empty() });
-    let info = SourceInfo {
-        kind: SourceKind::Stack,
-        title: String::new(),
-        detail: String::new(),
-        start: Stamp(0),
-        end: None,
-        problems: Vec::new(),
-        gaps: Vec::new(),
-    };
+    let info = SourceInfo { kind: SourceKind::Stack, ..SourceInfo::default() };
     let values = [(10, 0.0), (20, 2.0)];
     let field = FieldSeries {
         field: workspace.fields()[0].clone(),
