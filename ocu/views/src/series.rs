@@ -1,11 +1,15 @@
 //! The values of formulas over time: a field directly from the frame, another formula computed from its fields.
 //!
-//! A formula of few points is computed at once, one of many on a thread of its own, while the last result is shown.
+//! A formula of few points is computed at once, one of many on a thread of its own, while the last result is shown. An
+//! array of the newest message is over its index.
 
+use crate::cached::SameMessage;
+use crate::fields::MOST_BYTES;
+use crate::prepare::prepared;
 use crate::view::RunChoice;
-use egui::Context;
+use egui::{Context, Id};
 use rcs_formula::{FieldRef, Formula, Names, Over, Points};
-use rcs_msg::Value;
+use rcs_msg::{FieldPath, Scalar, Stamp, Value};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{FieldPoint, FieldSeries, Frame, RunTag, Series, points_of, series_of};
 use std::collections::BTreeMap;
@@ -16,6 +20,8 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 const AT_ONCE: usize = 200_000;
 /// A further one of at most this many.
 const AGAIN_AT_ONCE: usize = 20_000;
+/// Most numbers of an array that are drawn.
+const MOST_NUMBERS: usize = 1 << 20;
 
 /// What there is to draw for a formula.
 #[derive(Clone, Debug, Default)]
@@ -211,22 +217,66 @@ fn missing(frame: &Frame, field: &FieldRef, run: RunChoice) -> Arc<str> {
     }
 }
 
-/// The numbers of an array at a path of the newest message; `None` if there is another value.
-pub(crate) fn array(frame: &Frame, field: &FieldRef, run: RunChoice) -> Option<Vec<f64>> {
+/// The array of numbers at a path of the newest message, over its index: an index is a second. It is made once for each
+/// message, by threads. `None` if there is another value or the message is too large to be decoded, and until the first
+/// array is made.
+pub(crate) fn array(ctx: &Context, frame: &Frame, field: &FieldRef, run: RunChoice) -> Option<Shown> {
     if absent(frame, run).is_some() {
         return None;
     }
     let frame = frame.of_run(run.id())?;
     let of = |run| frame.topic_of(&field.topic, run);
     let topic = of(tag(frame, run)).or_else(|| of(RunTag::Recorded))?;
-    let root = topic.latest.as_ref()?.message.value().ok()?;
-    let value = root.get(&field.path).ok()?;
-    match &*value {
-        Value::Packed(packed) => {
-            Some(packed.iter().map(|number| Value::from(number).as_f64().unwrap_or(f64::NAN)).collect())
-        }
-        Value::Bytes(bytes) => Some(bytes.iter().map(|&byte| f64::from(byte)).collect()),
-        Value::List(list) => list.iter().map(Value::as_f64).collect(),
-        _ => None,
+    let message = topic.latest.as_ref()?.message.clone();
+    if message.size_hint() > MOST_BYTES {
+        return None;
+    }
+    let slot = Id::unique(("array", &*topic.name, topic.run, &field.path));
+    let (key, path) = (SameMessage(message.clone()), field.path.clone());
+    let made = prepared(ctx, slot, key, move || by_index(&message.value().ok()?, &path))?;
+    (*made).clone()
+}
+
+/// The array at a path, of a longer one every so many numbers; `None` if there is another value.
+fn by_index(root: &Value, path: &FieldPath) -> Option<Shown> {
+    let value = root.get(path).ok()?;
+    let count = value.len()?;
+    let step = count.div_ceil(MOST_NUMBERS).max(1);
+    let numbers: Vec<f64> = match &*value {
+        Value::Packed(packed) => packed.iter().step_by(step).map(Scalar::as_f64).collect(),
+        Value::Bytes(bytes) => bytes.iter().step_by(step).map(|&byte| f64::from(byte)).collect(),
+        Value::List(list) => list.iter().step_by(step).map(Value::as_f64).collect::<Option<Vec<f64>>>()?,
+        _ => return None,
+    };
+    let stamps = (0_u64..).step_by(step).map(|index| Stamp(index * 1_000_000_000));
+    let points = stamps.zip(&numbers).map(|(stamp, &value)| FieldPoint { stamp, value }).collect();
+    let problem: Option<Arc<str>> = (step > 1).then(|| {
+        let [drawn, all] = [numbers.len(), count].map(|count| ocu_ui::format::count(count as u64));
+        format!("{drawn} of {all} numbers are drawn").into()
+    });
+    Some(Shown { points, problem, ..Shown::default() })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_long_array_every_so_many_numbers_are_drawn_and_it_says_so() {
+        let array = |count: usize| {
+            let bytes: Vec<u8> = (0..count).map(|index| index as u8).collect();
+            let root = Value::Message(vec![("data".to_owned(), Value::Bytes(bytes.into()))]);
+            by_index(&root, &".data".parse().unwrap()).unwrap()
+        };
+        let last = |shown: &Shown| shown.points.last().map(|point| (point.stamp.0, point.value));
+        let whole = array(MOST_NUMBERS);
+        assert_eq!((whole.points.len(), &whole.problem), (MOST_NUMBERS, &None));
+        assert_eq!(last(&whole), Some((1_048_575_000_000_000, 255.0)));
+        let long = array(2 * MOST_NUMBERS + 1);
+        assert_eq!(long.points.len(), 699_051);
+        assert_eq!(last(&long), Some((2_097_150_000_000_000, 254.0)));
+        let problem = long.problem.unwrap().replace('\u{2009}', " ");
+        assert_eq!(problem, "699 051 of 2 097 153 numbers are drawn");
     }
 }

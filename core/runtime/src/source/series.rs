@@ -208,7 +208,7 @@ impl<T: Record> fmt::Debug for Series<T> {
 impl<T: Record> FromIterator<T> for Series<T> {
     fn from_iter<I: IntoIterator<Item = T>>(records: I) -> Self {
         let writer = SeriesWriter::default();
-        records.into_iter().for_each(|record| writer.append(record));
+        writer.append_all(records);
         writer.read()
     }
 }

@@ -32,7 +32,7 @@ use std::sync::Arc;
 const ROW: f32 = 20.0;
 const INDENT: f32 = 16.0;
 /// Larger messages are shown as bytes: decoded fields take at least as much memory again.
-const MOST_BYTES: usize = 64 << 20;
+pub(crate) const MOST_BYTES: usize = 64 << 20;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]

@@ -123,11 +123,12 @@ pub(super) fn around(min: f64, max: f64) -> (f64, f64) {
     (min - margin, max + margin)
 }
 
-/// A value as a mark says it, with the digits that the step needs.
+/// A value as a mark says it, with the digits that the step needs. It has an exponent where that makes it shorter.
 pub(super) fn mark_text(value: f64, step: f64) -> String {
     let size = value.abs().max(step);
-    if !(1e-4..1e6).contains(&size) {
-        return if value == 0.0 { "0".to_owned() } else { format!("{value:.2e}") };
+    if size < 1e-4 || (size >= 1e6 && step >= 1e4) {
+        let digits = (size.log10().floor() - step.log10().floor()).clamp(2.0, 17.0) as usize;
+        return if value == 0.0 { "0".to_owned() } else { format!("{value:.digits$e}") };
     }
     let decimals = decimals(step);
     format!("{:.decimals$}", if value == 0.0 { 0.0 } else { value })
@@ -191,6 +192,14 @@ mod tests {
         assert_eq!(mark_text(1200.0, 200.0), "1200");
         assert_eq!(mark_text(-0.0, 1.0), "0");
         assert_eq!(mark_text(3.2e7, 1e6), "3.20e7");
+    }
+
+    #[test]
+    fn the_marks_of_an_axis_differ_however_great_its_values_are() {
+        assert_eq!([5_300_110.0, 5_300_120.0].map(|value| mark_text(value, 10.0)), ["5300110", "5300120"]);
+        assert_eq!(mark_text(1_234_567.5, 0.5), "1234567.5");
+        assert_eq!([4.001e8, 4.002e8].map(|value| mark_text(value, 1e5)), ["4.001e8", "4.002e8"]);
+        assert_eq!([3.051e-5, 3.052e-5].map(|value| mark_text(value, 1e-8)), ["3.051e-5", "3.052e-5"]);
     }
 
     #[test]

@@ -239,8 +239,8 @@ pub(super) fn strokes(columns: &[Column], axis: &Axis) -> Strokes {
     strokes
 }
 
-/// Stretches of one state: positions of their beginning and end, and the state. Stretches below one screen point are
-/// joined, and have no state.
+/// Stretches of one state: positions of their beginning and end, and the state. Stretches below one screen point have no
+/// state, and are joined with those without a state beside them; the last one keeps its state.
 pub(super) fn bands(
     points: &Series<FieldPoint>,
     range: Range<usize>,
@@ -249,34 +249,43 @@ pub(super) fn bands(
     seconds: impl Fn(Stamp) -> f64,
 ) -> Vec<(f32, f32, Option<i64>)> {
     let at = |point: &FieldPoint| axis.at(seconds(point.stamp));
-    let mut bands: Vec<(f32, f32, Option<i64>)> = Vec::new();
+    let state = |point: &FieldPoint| point.value.is_finite().then_some(point.value as i64);
+    let is_one = |of: &Moments| of.min == of.max && of.finite == of.points;
+    // Where each stretch begins, and its state.
+    let mut begins: Vec<(f32, Option<i64>)> = Vec::new();
+    let mut begin = |x: f32, state: Option<i64>| {
+        match begins.last_mut() {
+            Some((_, known)) if *known == state => return,
+            // Only where the next one begins is it known how wide this one is.
+            Some((from, known)) if x - *from < 1.0 => *known = None,
+            _ => {}
+        }
+        if matches!(begins[..], [.., (_, None), (_, None)]) {
+            begins.pop();
+        }
+        if begins.last().is_none_or(|(_, known)| *known != state) {
+            begins.push((x, state));
+        }
+    };
     points.walk(
         range,
         |part| {
             let exact = part.summary.points == part.to - part.from;
-            let one = part.summary.min == part.summary.max && part.summary.finite == part.summary.points;
-            exact && (one || at(&part.first).floor() == at(&part.last).floor())
+            exact && (is_one(&part.summary) || at(&part.first).floor() == at(&part.last).floor())
         },
         |part| {
-            let one = part.summary.min == part.summary.max && part.summary.finite == part.summary.points;
-            let state = one.then_some(part.first.value as i64);
-            let x = at(&part.first);
-            match bands.last_mut() {
-                Some((_, until, known)) if *known == state && state.is_some() => *until = end,
-                Some((from, until, known)) if x - *from < 1.0 => (*known, *until) = (None, end),
-                last => {
-                    if let Some((_, until, _)) = last {
-                        *until = x;
-                    }
-                    bands.push((x, end, state));
-                }
+            if !is_one(&part.summary) {
+                begin(at(&part.first), None);
             }
+            // Of a part with several states, the last one holds until the next part, however far away that is.
+            let from = if is_one(&part.summary) { &part.first } else { &part.last };
+            begin(at(from), state(from));
             ControlFlow::Continue(())
         },
     );
-    // A gap in the values is no band.
-    bands.retain(|(from, to, _)| to > from);
-    bands
+    let ends = begins.iter().skip(1).map(|(x, _)| *x).chain([end]);
+    let bands = begins.iter().zip(ends).map(|(&(from, state), to)| (from, to, state));
+    bands.filter(|(from, to, _)| to > from).collect()
 }
 
 #[cfg(test)]
@@ -378,5 +387,39 @@ mod tests {
         let wanted =
             [(0.0, 300.0, Some(1)), (300.0, 500.0, Some(2)), (500.0, 600.0, None), (600.0, 700.0, Some(1))];
         assert_eq!(bands, wanted);
+    }
+
+    #[test]
+    fn a_state_soon_after_a_change_keeps_its_name() {
+        let point = |(ms, value): (u64, f64)| FieldPoint { stamp: Stamp(ms * 1_000_000), value };
+        let series: Series<FieldPoint> = [(0, 1.0), (20, 2.0)].into_iter().map(point).collect();
+        let axis = Axis::horizontal(0.0, 60.0, Rangef::new(0.0, 800.0));
+        let x = axis.at(0.02);
+        assert!(x < 1.0);
+        assert_eq!(bands(&series, 0..2, &axis, 800.0, seconds), [(0.0, x, None), (x, 800.0, Some(2))]);
+        // Several of them between two that are wide.
+        let states = [(0, 1.0), (30_000, 2.0), (30_020, 1.0), (30_040, 3.0), (30_060, 1.0)];
+        let series: Series<FieldPoint> = states.into_iter().map(point).collect();
+        let (from, to) = (axis.at(30.0), axis.at(30.06));
+        let wanted = [(0.0, from, Some(1)), (from, to, None), (to, 800.0, Some(1))];
+        assert_eq!(bands(&series, 0..5, &axis, 800.0, seconds), wanted);
+    }
+
+    #[test]
+    fn a_change_within_a_summary_takes_no_more_than_a_point_of_the_states_beside_it() {
+        // At the last record of a summary of 32, which are all on one point of the screen.
+        for changed in [4095, 35_999] {
+            let point = |i: u64| FieldPoint {
+                stamp: Stamp(i * 100_000_000),
+                value: if i < changed { 1.0 } else { 2.0 },
+            };
+            let series: Series<FieldPoint> = (0..36_000).map(point).collect();
+            let axis = Axis::horizontal(0.0, 4000.0, Rangef::new(0.0, 800.0));
+            let bands = bands(&series, 0..series.len(), &axis, 800.0, seconds);
+            let states: Vec<Option<i64>> = bands.iter().map(|(.., state)| *state).collect();
+            assert_eq!(states, [Some(1), None, Some(2)], "{changed}");
+            assert!(bands[1].1 - bands[1].0 < 1.0, "{changed}: {bands:?}");
+            assert_eq!(bands[2].1, 800.0);
+        }
     }
 }

@@ -4,8 +4,8 @@ use super::saved::Curve;
 use egui::{RichText, Sense, TextEdit, Ui, Vec2, WidgetInfo};
 use ocu_ui::{tokens, widgets};
 use rcs_formula::{FieldRef, Formula, functions};
-use rcs_msg::Value;
-use rcs_runtime::source::Frame;
+use rcs_msg::{FieldPath, Value};
+use rcs_runtime::source::{Frame, Topic};
 
 /// Number of completions that are listed.
 const MOST: usize = 10;
@@ -119,12 +119,37 @@ fn row(ui: &mut Ui, completion: &Completion) -> egui::Response {
     response
 }
 
+/// The name of a buffer as a formula contains it, up to the dot before a field.
+pub(super) fn begun(topic: &str) -> String {
+    format!("{}.", FieldRef { topic: topic.to_owned(), path: FieldPath::root() })
+}
+
+/// Where the word at the end of a text begins. Between braces any character belongs to it.
+fn begin_of_word(text: &str) -> usize {
+    let (mut begin, mut in_braces) = (0, false);
+    for (at, c) in text.char_indices() {
+        match c {
+            '}' => in_braces = false,
+            _ if in_braces => {}
+            '{' => {
+                in_braces = true;
+                // A path in braces follows its name in braces.
+                if !text[..at].ends_with('}') {
+                    begin = at;
+                }
+            }
+            _ if " (,+-*%<>=!&|".contains(c) => begin = at + 1,
+            _ => {}
+        }
+    }
+    begin
+}
+
 /// What the end of a text can become: a buffer, one of its fields, or a function.
 fn completions(frame: &Frame, text: &str) -> Vec<Completion> {
-    let begin = text.rfind(|c: char| " (,+-*%<>=!&|".contains(c)).map_or(0, |at| at + 1);
-    let (before, word) = text.split_at(begin);
+    let (before, word) = text.split_at(begin_of_word(text));
     let whole = |end: String| format!("{before}{end}");
-    if !word.starts_with('/') {
+    if !word.starts_with(['/', '{']) {
         let is_meant = |name: &str| !word.is_empty() && name.starts_with(word);
         let named = functions().iter().filter(|function| is_meant(function.name));
         let named = named.map(|function| Completion {
@@ -134,13 +159,15 @@ fn completions(frame: &Frame, text: &str) -> Vec<Completion> {
         });
         return named.take(MOST).collect();
     }
-    let of_topic = |topic: &rcs_runtime::source::Topic| word.strip_prefix(&*topic.name).map(str::to_owned);
-    let topic = frame
-        .topics
-        .iter()
-        .filter(|topic| of_topic(topic).is_some_and(|rest| rest.starts_with(['.', '[']) || rest.is_empty()));
+    // The path after the name of a topic, if the word begins with that.
+    let path_in = |topic: &Topic| {
+        let braced = format!("{{{}}}", topic.name);
+        let rest = word.strip_prefix(&*topic.name).or_else(|| word.strip_prefix(&braced))?;
+        (rest.is_empty() || rest.starts_with(['.', '['])).then(|| rest.to_owned())
+    };
+    let topic = frame.topics.iter().filter(|topic| path_in(topic).is_some());
     if let Some(topic) = topic.max_by_key(|topic| topic.name.len()) {
-        let rest = of_topic(topic).unwrap_or_default();
+        let rest = path_in(topic).unwrap_or_default();
         let value = topic.latest.as_ref().and_then(|sample| sample.message.value().ok());
         let Some(value) = value else { return Vec::new() };
         let leaves =
@@ -157,13 +184,13 @@ fn completions(frame: &Frame, text: &str) -> Vec<Completion> {
             })
             .collect();
     }
-    let searched = word.to_lowercase();
+    let searched = word.trim_start_matches('{').to_lowercase();
     let named = frame.topics.iter().filter(|topic| topic.name.to_lowercase().contains(&searched));
     named
         .map(|topic| Completion {
             label: topic.name.to_string(),
             note: topic.schema.name().to_owned(),
-            text: whole(format!("{}.", topic.name)),
+            text: whole(begun(&topic.name)),
         })
         .take(MOST)
         .collect()
@@ -188,8 +215,12 @@ mod tests {
     use super::*;
     use crate::samples;
 
+    fn completed(frame: &Frame, text: &str) -> Vec<String> {
+        completions(frame, text).into_iter().map(|completion| completion.text).collect()
+    }
+
     fn labels(text: &str) -> Vec<String> {
-        completions(&samples::full(), text).into_iter().map(|completion| completion.text).collect()
+        completed(&samples::full(), text)
     }
 
     #[test]
@@ -199,5 +230,24 @@ mod tests {
         assert_eq!(labels("/planner/status.cyc"), ["/planner/status.cycle"]);
         assert_eq!(labels("2 * der"), ["2 * derivative("]);
         assert!(labels("").is_empty());
+    }
+
+    #[test]
+    fn a_buffer_with_other_characters_in_its_name_is_completed_in_braces() {
+        let mut frame = samples::full();
+        let mut odd = frame.topic("/planner/status").unwrap().clone();
+        odd.name = "/odd-name, front".into();
+        frame.topics = frame.topics.iter().cloned().chain([odd]).collect();
+        for text in ["2 * /odd", "2 * {/odd", "2 * {/odd-name, f"] {
+            assert_eq!(completed(&frame, text), ["2 * {/odd-name, front}."]);
+        }
+        let formulas = completed(&frame, "2 * {/odd-name, front}.cyc");
+        let field = FieldRef { topic: "/odd-name, front".to_owned(), path: "cycle".parse().unwrap() };
+        assert_eq!(formulas.len(), 1);
+        assert_eq!(formulas[0].parse::<Formula>().unwrap().fields(), [field]);
+        // A word after it is completed as any other.
+        let both = completed(&frame, "{/odd-name, front}.cycle - /planner/status.cyc");
+        assert_eq!(both, ["{/odd-name, front}.cycle - /planner/status.cycle"]);
+        assert_eq!((begun("/odd-name"), begun("/a")), ("{/odd-name}.".into(), "/a.".into()));
     }
 }

@@ -36,29 +36,46 @@ pub(super) struct Drawn {
 
 impl Drawn {
     pub(super) fn new(ui: &Ui, frame: &Frame, shelf: &mut Shelf, graph: &Graph, color: &mut usize) -> Self {
-        let mut kind = if graph.against.is_some() { GraphKind::Against } else { GraphKind::Time };
         let mut curves = Vec::new();
+        // What the values of each curve are over.
+        let mut over = Vec::new();
         for curve in &graph.curves {
-            let mut shown = shelf.shown(ui.ctx(), frame, &curve.formula, curve.run);
+            let (ctx, run) = (ui.ctx(), curve.run);
+            let mut shown = shelf.shown(ctx, frame, &curve.formula, run);
+            let mut of = match shown.over {
+                Over::Time => GraphKind::Time,
+                Over::Frequency => GraphKind::Frequency,
+            };
             if shown.points.is_empty()
                 && let Ok(formula) = shelf.formula(&curve.formula)
-                && let Some(numbers) = formula.as_field().and_then(|field| array(frame, field, curve.run))
+                && let Some(found) = formula.as_field().and_then(|field| array(ctx, frame, field, run))
             {
-                kind = GraphKind::Index;
-                shown = Shown { points: by_index(&numbers), ..Shown::default() };
+                (shown, of) = (found, GraphKind::Index);
             }
+            over.push(of);
             let label = format!("{}{}", curve.formula, run_label(curve.run));
             curves.push(DrawnCurve { label, color: color_of(ui, *color), right: curve.right, shown });
             *color += 1;
         }
-        let is_spectrum = |curve: &DrawnCurve| curve.shown.over == Over::Frequency;
-        if kind == GraphKind::Time && !curves.is_empty() && curves.iter().all(is_spectrum) {
-            kind = GraphKind::Frequency;
+        let kind = if graph.against.is_some() {
+            GraphKind::Against
+        } else if over.contains(&GraphKind::Index) {
+            GraphKind::Index
+        } else if !over.is_empty() && over.iter().all(|of| *of == GraphKind::Frequency) {
+            GraphKind::Frequency
         } else {
-            for curve in curves.iter_mut().filter(|curve| is_spectrum(curve)) {
-                let problem = "a spectrum is over frequency; give it a graph of its own";
-                curve.shown = Shown { problem: Some(problem.into()), ..Shown::default() };
-            }
+            GraphKind::Time
+        };
+        let fits = |of: GraphKind| of == kind || (of, kind) == (GraphKind::Time, GraphKind::Against);
+        for (curve, of) in curves.iter_mut().zip(over).filter(|(_, of)| !fits(*of)) {
+            let problem = match of {
+                GraphKind::Frequency => "a spectrum is over frequency; give it a graph of its own",
+                GraphKind::Index => "an array is over its index; give it a graph of its own",
+                // Why it has no values is said already.
+                _ if curve.shown.points.is_empty() => continue,
+                _ => "it is over time, and the array beside it over its index; give it a graph of its own",
+            };
+            curve.shown = Shown { problem: Some(problem.into()), ..Shown::default() };
         }
         let run = graph.curves.first().map(|curve| curve.run).unwrap_or_default();
         let against =
@@ -69,12 +86,6 @@ impl Drawn {
     pub(super) fn has_right_axis(&self) -> bool {
         self.curves.iter().any(|curve| curve.right && !curve.shown.are_states())
     }
-}
-
-/// The numbers of an array as a series: an index is a second.
-fn by_index(numbers: &[f64]) -> rcs_runtime::source::Series<rcs_runtime::source::FieldPoint> {
-    let stamps: Vec<Stamp> = (0..numbers.len() as u64).map(|index| Stamp(index * 1_000_000_000)).collect();
-    rcs_runtime::source::series_of(&rcs_formula::Points::new(stamps, numbers))
 }
 
 /// Where a graph is.
@@ -182,11 +193,7 @@ fn reduced(ui: &Ui, curve: (usize, usize), shown: &Shown, x: &Axis, clock: Clock
 fn horizontal(drawn: &Drawn, graph: &Graph, place: &Place) -> Axis {
     let (from, to) = match drawn.kind {
         GraphKind::Time => place.time,
-        GraphKind::Index => {
-            let most = drawn.curves.iter().map(|curve| curve.shown.points.len()).max().unwrap_or(1);
-            paint::value_range(graph.across, std::iter::once((0.0, most.saturating_sub(1) as f64)))
-        }
-        GraphKind::Frequency => {
+        GraphKind::Index | GraphKind::Frequency => {
             let ends = drawn.curves.iter().filter_map(|curve| curve.shown.points.last());
             let most = ends.map(|end| end.stamp.0 as f64 * 1e-9).fold(0.0, f64::max);
             paint::value_range(graph.across, std::iter::once((0.0, most)))

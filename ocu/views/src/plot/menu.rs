@@ -60,11 +60,10 @@ pub(super) fn ui(ui: &mut Ui, saved: &Saved, curve: &Curve) -> Option<Asked> {
             Asked::AddGraph(Graph { curves, ..Graph::default() })
         });
     });
-    let others: Vec<&Curve> =
-        saved.graphs.iter().flat_map(|graph| &graph.curves).filter(|other| **other != *curve).collect();
+    let others = saved.others(curve);
     for (title, kind) in [("Minus", 0), ("Minus, modulo 2π", 1), ("Against", 2)] {
         ui.add_enabled_ui(!others.is_empty(), |ui| {
-            ui.menu_button(title, |ui| {
+            let menu = ui.menu_button(title, |ui| {
                 for other in &others {
                     let (a, b) = (&curve.formula, &other.formula);
                     let formula = match kind {
@@ -81,6 +80,7 @@ pub(super) fn ui(ui: &mut Ui, saved: &Saved, curve: &Curve) -> Option<Asked> {
                     });
                 }
             });
+            menu.response.on_disabled_hover_text("There is no other curve of this run.");
         });
     }
     ui.separator();
@@ -113,6 +113,13 @@ impl Saved {
         self.graphs.retain(|graph| !graph.curves.is_empty());
     }
 
+    /// The curves that a formula can combine with this one: those of its run, because all fields of a formula are read
+    /// from one run.
+    fn others(&self, curve: &Curve) -> Vec<&Curve> {
+        let curves = self.graphs.iter().flat_map(|graph| &graph.curves);
+        curves.filter(|other| other.run == curve.run && other.formula != curve.formula).collect()
+    }
+
     /// Every formula.
     pub(super) fn formulas(&self) -> impl Iterator<Item = &str> {
         let curves = self.graphs.iter().flat_map(|graph| &graph.curves).map(|curve| curve.formula.as_str());
@@ -132,6 +139,7 @@ impl Saved {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::view::RunChoice;
 
     fn saved() -> Saved {
         let graph = |names: &[&str]| Graph {
@@ -152,6 +160,16 @@ mod tests {
             }
         }
         assert_eq!((operand("/a.x"), operand("/a.x - 1")), ("/a.x".into(), "(/a.x - 1)".into()));
+    }
+
+    #[test]
+    fn a_curve_is_combined_with_others_of_its_run_only() {
+        let mut plot = saved();
+        let of_run = |name: &str| Curve { run: RunChoice::Run(0), ..Curve::new(name) };
+        plot.graphs[0].curves.push(of_run("/a.x"));
+        assert_eq!(plot.others(&Curve::new("/a.x")), [&Curve::new("/b.y"), &Curve::new("/c.z + 1")]);
+        assert!(plot.others(&of_run("/a.x")).is_empty());
+        assert_eq!(plot.others(&of_run("/b.y")), [&of_run("/a.x")]);
     }
 
     #[test]

@@ -71,7 +71,7 @@ impl View for Plot {
 
     fn drop_topic(&mut self, topic: &Topic) {
         // Which field is meant is chosen next.
-        let curve = Curve::new(format!("{}.", topic.name));
+        let curve = Curve::new(entry::begun(&topic.name));
         self.entry = Some(Entry::new(Some(((usize::MAX, 0), &curve))));
     }
 
@@ -135,7 +135,7 @@ impl View for Plot {
         }
         match asked {
             Some(Tool::Fit) => self.fit(),
-            Some(Tool::Csv) => cx.wishes.push(csv(&drawn, clock, self.cursors.unwrap_or(range))),
+            Some(Tool::Csv) => cx.wishes.push(csv(&drawn, clock, range)),
             Some(Tool::Picture) => cx.wishes.push(Wish::SavePicture { area, name: "plot.png".to_owned() }),
             _ => {}
         }

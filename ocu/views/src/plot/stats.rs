@@ -24,18 +24,31 @@ pub(super) fn of(shown: &Shown, from: Stamp, to: Stamp) -> Option<Moments> {
     moments(&shown.points, first..shown.points.count_until(to))
 }
 
+/// A value of a curve with five digits; where these hardly tell its values apart, with three of their spread.
+fn among(value: f64, spread: f64) -> String {
+    if !(spread > 0.0 && spread < 1e-2 * value.abs()) {
+        return format::number(value);
+    }
+    let unit = 10_f64.powf(spread.log10().floor() - 2.0);
+    format::exact((value / unit).round() * unit)
+}
+
 /// The cells of a row.
 fn cells(moments: &Moments) -> [String; 8] {
-    let number =
-        |value: Option<f64>| value.filter(|value| value.is_finite()).map_or("–".to_owned(), format::number);
+    let or_dash = |value: Option<f64>, text: &dyn Fn(f64) -> String| {
+        value.filter(|value| value.is_finite()).map_or("–".to_owned(), text)
+    };
+    let number = |value: Option<f64>| or_dash(value, &format::number);
+    let spread = moments.max - moments.min;
+    let of_curve = |value: Option<f64>| or_dash(value, &|value| among(value, spread));
     let known = |value: f64| (moments.finite > 0).then_some(value);
     let change = moments.last.1 - moments.first.1;
     let rate = (moments.points as f64 - 1.0) / moments.duration_s();
     [
         format::count(moments.points as u64),
-        number(known(moments.min)),
-        number(known(moments.max)),
-        number(moments.mean()),
+        of_curve(known(moments.min)),
+        of_curve(known(moments.max)),
+        of_curve(moments.mean()),
         number(moments.deviation()),
         number(known(moments.integral)),
         number(Some(change)),
@@ -86,5 +99,30 @@ pub(super) fn table(ui: &mut Ui, clock: Clock, range: (f64, f64), curves: &[(Str
         for (column, text) in texts.iter().flatten().take(fits).enumerate() {
             widgets::cell(ui, cell_at(row, column), Align::Max, text, FontId::monospace(11.0), tokens.text);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_runtime::source::FieldPoint;
+
+    #[test]
+    fn the_least_and_the_greatest_of_nearly_equal_values_differ() {
+        let cells_of = |values: [f64; 3]| {
+            let point = |(value, i): (f64, u64)| FieldPoint { stamp: Stamp(i * 1_000_000_000), value };
+            let points = values.into_iter().zip(0..).map(point).collect();
+            let shown = Shown { points, ..Shown::default() };
+            let found = of(&shown, Stamp(0), Stamp(2_000_000_000));
+            let [_, least, greatest, mean, ..] = found.map(|found| cells(&found)).unwrap_or_default();
+            [least, greatest, mean]
+        };
+        assert_eq!(
+            cells_of([-71.094_121_2, -71.094_571_2, -71.094_421_2]),
+            ["-71.094571", "-71.094121", "-71.094371"]
+        );
+        assert_eq!(cells_of([5_300_110.0, 5_300_150.0, 5_300_131.0]), ["5300110", "5300150", "5300130.3"]);
+        assert_eq!(cells_of([0.5, 1.25, 1.0 / 3.0]), ["0.33333", "1.25", "0.69444"]);
+        assert_eq!(cells_of([42.377_123_4; 3]), ["42.377"; 3]);
     }
 }

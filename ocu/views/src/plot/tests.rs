@@ -149,6 +149,34 @@ fn against_another_and_arrays_are_drawn() {
 }
 
 #[test]
+fn a_field_over_time_beside_an_array_is_refused_and_an_array_against_a_field() {
+    let (context, frame) = (egui::Context::default(), frame());
+    let mut shelf = Shelf::default();
+    let mut drawn = |graph: &Graph| {
+        let mut drawn = Vec::new();
+        let draw = |ui: &mut Ui| drawn.push(Drawn::new(ui, &frame, &mut shelf, graph, &mut 0));
+        context.run_ui(egui::RawInput::default(), draw).textures_delta.clear();
+        drawn.pop().unwrap()
+    };
+    let formulas = ["/vehicle/state.speed_mps", "/camera/image.data", "/nothing/here.x"];
+    let mut graph = plot(&[&formulas]).saved.graphs.remove(0);
+    let first = drawn(&graph);
+    assert_eq!(first.kind, GraphKind::Index);
+    let [speed, array, absent] = [0, 1, 2].map(|index| &first.curves[index].shown);
+    assert!(speed.points.is_empty());
+    assert!(speed.problem.as_ref().unwrap().contains("over time"), "{:?}", speed.problem);
+    assert_eq!((array.points.len(), &array.problem), (96 * 64 * 3, &None));
+    assert_eq!(absent.problem.as_deref(), Some("there is no buffer /nothing/here"));
+    // The same message is read once.
+    assert!(drawn(&graph).curves[1].shown.points.same(&array.points));
+    graph.against = Some("/vehicle/state.yaw_rate_rps".to_owned());
+    let against = drawn(&graph);
+    assert_eq!((against.kind, &against.curves[0].shown.problem), (GraphKind::Against, &None));
+    let problem = against.curves[1].shown.problem.as_ref().unwrap();
+    assert!(problem.contains("over its index"), "{problem}");
+}
+
+#[test]
 fn a_click_goes_to_its_time_and_scrolling_zooms_about_the_pointer() {
     let mut harness = harness(plot(&[&["/vehicle/state.speed_mps"]]), egui::Vec2::new(600.0, 300.0));
     harness.run();
@@ -193,6 +221,8 @@ fn a_click_goes_to_its_time_and_scrolling_zooms_about_the_pointer() {
 fn the_visible_values_are_saved_as_text() {
     let mut harness = harness(several(), egui::Vec2::new(720.0, 480.0));
     harness.state_mut().view.saved.span = Span::Fixed(0.9, 1.25);
+    // The cursors are elsewhere.
+    harness.state_mut().view.cursors = Some((4.0, 6.0));
     harness.run();
     harness.get_by_label("Save the values as text (CSV)").click();
     harness.run();
