@@ -1,6 +1,8 @@
 //! Editing the fields of a buffer as its operator: written at once as one message, in the next message of its process,
 //! or held until released.
 //!
+//! Changes that were not sent belong to their buffer: they are shown with its fields only, and come back with them.
+//!
 //! What cannot be is refused before it is sent, with the reason; the runtime checks type and range again, and its refusal
 //! is shown as the source's error.
 
@@ -39,14 +41,19 @@ enum Sent {
 
 /// The changes of one buffer that were not sent, and those that were.
 #[derive(Default)]
-pub(crate) struct Edits {
-    topic: Option<TopicKey>,
+struct Changes {
     /// Path and text of each changed field.
     fields: BTreeMap<String, String>,
     fresh: Option<String>,
     refused: Option<String>,
     sent: Vec<Sent>,
-    /// The processes of the source that it was sent to: another source has others.
+}
+
+/// The changes of each buffer of a source.
+#[derive(Default)]
+pub(crate) struct Edits {
+    buffers: BTreeMap<TopicKey, Changes>,
+    /// The processes of the source of the buffers: another source has others.
     processes: Option<Arc<[ProcessInfo]>>,
 }
 
@@ -219,45 +226,54 @@ fn controls(
 }
 
 impl Edits {
-    /// Begins to edit a field of a topic. Changes of another topic are dropped.
+    /// Begins to edit a field of a topic.
     pub(crate) fn begin(&mut self, topic: &TopicKey, path: &FieldPath, value: &Value) {
         let Some(text) = text_of(value) else { return };
-        if self.topic.as_ref() != Some(topic) {
-            self.fields.clear();
-            self.topic = Some(topic.clone());
-        }
+        let changes = self.buffers.entry(topic.clone()).or_default();
         let path = path.to_string();
-        self.fresh = Some(path.clone());
-        self.refused = None;
-        self.fields.entry(path).or_insert(text);
+        changes.fresh = Some(path.clone());
+        changes.refused = None;
+        changes.fields.entry(path).or_insert(text);
     }
 
     /// Whether a field is being edited.
     pub(crate) fn has(&self, topic: &TopicKey, path: &str) -> bool {
-        self.topic.as_ref() == Some(topic) && self.fields.contains_key(path)
+        self.buffers.get(topic).is_some_and(|changes| changes.fields.contains_key(path))
     }
 
-    /// Paints the changes that were not sent, and what can be done with them.
-    pub(crate) fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+    /// Paints the changes of the shown topic, and what can be done with them.
+    pub(crate) fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic) {
+        let processes = &cx.frame.processes;
+        if !self.processes.as_ref().is_some_and(|known| Arc::ptr_eq(known, processes)) {
+            self.processes = Some(Arc::clone(processes));
+            self.buffers.clear();
+        }
+        if let Some(changes) = self.buffers.get_mut(&TopicKey::of(topic)) {
+            changes.ui(ui, cx, topic);
+        }
+        self.buffers.retain(|_, changes| !changes.is_empty());
+    }
+}
+
+impl Changes {
+    fn is_empty(&self) -> bool {
+        self.fields.is_empty() && self.sent.is_empty() && self.refused.is_none()
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic) {
         let frame = cx.frame;
-        if !self.processes.as_ref().is_some_and(|known| Arc::ptr_eq(known, &frame.processes)) {
-            self.processes = Some(Arc::clone(&frame.processes));
-            self.sent.clear();
-        }
-        if self.fields.is_empty() && self.sent.is_empty() && self.refused.is_none() {
-            return;
-        }
         let margin = egui::Margin::symmetric(8, 4);
         egui::Frame::new().inner_margin(margin).fill(tokens(ui).surface[3]).show(ui, |ui| {
             ui.set_width(ui.available_width());
-            let topic = self.topic.as_ref().and_then(|key| key.find(frame));
             let mut dropped = None;
             let mut entered = false;
             for (path, text) in &mut self.fields {
                 ui.horizontal(|ui| {
                     let label = ui.label(widgets::mono(path.as_str()).color(tokens(ui).strong));
-                    let edit =
-                        TextEdit::singleline(text).desired_width((ui.available_width() - 32.0).max(48.0));
+                    // An id of the field, so that undo in the text is not that of another field.
+                    let edit = TextEdit::singleline(text)
+                        .id_salt(("edit", &*topic.name, topic.run, path.as_str()))
+                        .desired_width((ui.available_width() - 32.0).max(48.0));
                     let response = ui.add(edit.font(egui::TextStyle::Monospace)).labelled_by(label.id);
                     ui.ctx().accesskit_node_builder(response.id, |node| {
                         node.set_label(format!("New value of {path}"));
@@ -295,7 +311,7 @@ impl Edits {
                     self.undo(cx);
                 }
             });
-            if let (Some(how), Some(topic)) = (how, topic) {
+            if let Some(how) = how {
                 match controls(frame, topic, &self.fields, how) {
                     Ok((controls, sent)) => {
                         cx.controls.extend(controls);
@@ -421,10 +437,10 @@ mod tests {
             let others = before.topics.iter().filter(|other| other.name != topic.name).cloned();
             let topics = others.chain([newest]).collect();
             let frame = Frame { topics, ..before.clone() };
-            let mut edits = Edits { sent: vec![sent.clone()], ..Edits::default() };
+            let mut changes = Changes { sent: vec![sent.clone()], ..Changes::default() };
             let (mut controls, mut wishes) = (Vec::new(), Vec::new());
             let mut selection = crate::view::Selection::default();
-            edits.undo(&mut ViewContext {
+            changes.undo(&mut ViewContext {
                 frame: &frame,
                 controls: &mut controls,
                 selection: &mut selection,
@@ -435,7 +451,7 @@ mod tests {
                 other => panic!("{other:?}"),
             });
             assert_eq!(back, is_undone.then_some(321));
-            let refused = edits.refused.as_deref().is_some_and(|text| text.contains("replaced since"));
+            let refused = changes.refused.as_deref().is_some_and(|text| text.contains("replaced since"));
             assert_eq!(refused, !is_undone);
         }
     }

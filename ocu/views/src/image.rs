@@ -16,6 +16,8 @@ pub(crate) enum Pixels {
     Values { values: Vec<f32>, whole: bool },
     /// One byte per pixel: a grey level, a label or a cost.
     Bytes(Vec<u8>),
+    /// One grey level of 16 bits per pixel; `levels` is one more than the level that is white.
+    Greys { values: Vec<u16>, levels: u32 },
 }
 
 /// A decoded image.
@@ -34,8 +36,11 @@ pub(crate) struct DecodedImage {
 /// How a byte or a value is converted to a colour.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Tint {
-    /// Grey levels unchanged; values over their range with the even palette.
+    /// Grey levels unchanged; values are ranges, from the least (yellow) to the greatest (dark blue).
     Plain,
+    /// Values are disparities, from the least (dark blue) to the greatest (yellow), so that what is near has the colour
+    /// of near ranges.
+    Disparity,
     /// Labels of these classes; unknown is transparent.
     Labels(Classes),
     /// Costs 0 to 250; unknown is transparent.
@@ -57,9 +62,9 @@ pub(crate) fn decode(message: &AnyMessage) -> Result<DecodedImage, String> {
 fn image(raw: &RawImage, mut encoding: String) -> Result<DecodedImage, ImageError> {
     let pixels = match raw.encoding.as_str() {
         "mono16" => {
-            let (greys, white) = grey16(raw)?;
-            encoding = format!("{encoding}, white {white}");
-            Pixels::Color(greys)
+            let (values, levels) = grey16(raw)?;
+            encoding = format!("{encoding}, white {}", levels - 1);
+            Pixels::Greys { values, levels }
         }
         "16UC1" | "32FC1" | "64FC1" => {
             Pixels::Values { values: image::depth_m(raw, 1.0)?, whole: raw.encoding == "16UC1" }
@@ -73,15 +78,14 @@ fn image(raw: &RawImage, mut encoding: String) -> Result<DecodedImage, ImageErro
     Ok(DecodedImage { width: raw.width as usize, height: raw.height as usize, pixels, encoding })
 }
 
-/// Grey levels of a `mono16` image, and the value that is white. Cameras of 10 to 14 bits leave the upper bits empty, so
-/// white is the largest value of the image rounded up to a power of two: brightness seldom changes between images.
-fn grey16(raw: &RawImage) -> Result<(Vec<Color32>, u32), ImageError> {
-    // A value of 0 is read as NaN, which the casts take to 0.
-    let values = image::depth_m(raw, 1.0)?;
-    let largest = values.iter().copied().fold(0.0, f32::max);
-    let levels = (largest as u32 + 1).next_power_of_two().max(256);
-    let grey = |value: f32| Color32::from_gray((value * 256.0 / levels as f32) as u8);
-    Ok((values.into_iter().map(grey).collect(), levels - 1))
+/// Grey levels of a `mono16` image, and their number. Cameras of 10 to 14 bits leave the upper bits empty, so white is
+/// the largest value of the image rounded up to a power of two: brightness seldom changes between images.
+fn grey16(raw: &RawImage) -> Result<(Vec<u16>, u32), ImageError> {
+    // A value of 0 is read as NaN, which the cast takes to 0.
+    let values: Vec<u16> = image::depth_m(raw, 1.0)?.into_iter().map(|value| value as u16).collect();
+    let largest = values.iter().copied().max().unwrap_or(0);
+    let levels = (u32::from(largest) + 1).next_power_of_two().max(256);
+    Ok((values, levels))
 }
 
 impl DecodedImage {
@@ -110,11 +114,16 @@ impl DecodedImage {
         let (width, height) = (self.width.div_ceil(every), self.height.div_ceil(every));
         let bytes: [Color32; 256] = std::array::from_fn(|i| byte_color(i as u8, tint));
         let span = f64::from(range[1] - range[0]).max(1e-9);
+        let scale: fn(f64) -> Color32 =
+            if matches!(tint, Tint::Disparity) { palette::even } else { palette::range };
         let color = |i: usize| match &self.pixels {
             Pixels::Color(colors) => colors[i],
             Pixels::Bytes(values) => bytes[usize::from(values[i])],
+            Pixels::Greys { values, levels } => {
+                Color32::from_gray((u32::from(values[i]) * 256 / levels) as u8)
+            }
             Pixels::Values { values, .. } if values[i].is_nan() => Color32::TRANSPARENT,
-            Pixels::Values { values, .. } => palette::range(f64::from(values[i] - range[0]) / span),
+            Pixels::Values { values, .. } => scale(f64::from(values[i] - range[0]) / span),
         };
         let mut pixels = Vec::with_capacity(width * height);
         for y in 0..height {
@@ -133,7 +142,7 @@ impl DecodedImage {
 
 fn byte_color(value: u8, tint: &Tint) -> Color32 {
     match tint {
-        Tint::Plain => Color32::from_gray(value),
+        Tint::Plain | Tint::Disparity => Color32::from_gray(value),
         Tint::Labels(classes) => classes.color(value),
         Tint::Cost(_) if value > 250 => Color32::TRANSPARENT,
         Tint::Cost(palette) => palette.cost(value),
@@ -175,14 +184,25 @@ mod tests {
         let shown = |values: [u16; 3]| {
             let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
             let image = decoded("mono16", 3, 1, &bytes).unwrap();
-            let Pixels::Color(colors) = image.pixels else { panic!("no colours") };
-            (colors.iter().map(Color32::r).collect::<Vec<_>>(), image.encoding)
+            assert!(matches!(&image.pixels, Pixels::Greys { values: read, .. } if *read == values));
+            let painted = image.paint(&Tint::Plain, [0.0, 1.0], 64);
+            (painted.pixels.iter().map(Color32::r).collect::<Vec<_>>(), image.encoding)
         };
         assert_eq!(shown([0, 2048, 4095]), (vec![0, 128, 255], "mono16, white 4095".to_owned()));
         // With all bits, the upper byte is shown.
         assert_eq!(shown([255, 256, 65535]).0, [0, 1, 255]);
         // A dark image stays dark.
         assert_eq!(shown([0, 1, 9]).0, [0, 1, 9]);
+    }
+
+    #[test]
+    fn what_is_near_has_one_colour_in_ranges_and_in_disparities() {
+        let bytes: Vec<u8> = [3.0_f32, 46.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+        let image = decoded("32FC1", 2, 1, &bytes).unwrap();
+        let painted = |tint: Tint| image.paint(&tint, [3.0, 46.0], 64).pixels;
+        let [near, far] = [0.0, 1.0].map(palette::range);
+        assert_eq!(painted(Tint::Plain), [near, far]);
+        assert_eq!(painted(Tint::Disparity), [far, near]);
     }
 
     #[test]

@@ -1,16 +1,18 @@
 //! Who wrote this: from a value back to the message that last changed it.
 
-use crate::view::{TopicKey, ViewContext};
+use crate::view::{RunChoice, TopicKey, ViewContext};
 use egui::{RichText, Ui};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_formula::FieldRef;
 use rcs_msg::{FieldPath, Stamp};
-use rcs_runtime::source::{Control, FieldPoint, Frame, RunTag, Series};
+use rcs_runtime::source::{Control, FieldPoint, Frame, Series};
 
 /// A search for the last change of a field, and what it found.
 #[derive(Default)]
 pub(crate) struct Origin {
     field: Option<FieldRef>,
+    /// The run of its topic.
+    run: RunChoice,
     /// The time from which it looks back.
     from: Stamp,
     found: Option<Found>,
@@ -43,7 +45,7 @@ impl Origin {
     /// Begins to look for the last change of a field before the viewed time.
     pub(crate) fn begin(&mut self, frame: &Frame, topic: &TopicKey, path: &FieldPath) {
         self.field = Some(FieldRef { topic: topic.name.clone(), path: path.clone() });
-        (self.from, self.found) = (frame.now, None);
+        (self.run, self.from, self.found) = (topic.run, frame.now, None);
     }
 
     /// The field whose values it needs.
@@ -55,8 +57,8 @@ impl Origin {
     pub(crate) fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
         let Some(field) = &self.field else { return };
         let frame = cx.frame;
-        let series = frame.field(field, RunTag::Run(frame.runs.current()));
-        let topic = frame.topic(&field.topic);
+        let series = frame.field(field, self.run.tag(frame));
+        let topic = TopicKey { name: field.topic.clone(), run: self.run }.find(frame);
         let writer = topic.map(|topic| topic.writer.clone()).unwrap_or_default();
         if let (None, Some(series)) = (&self.found, series.filter(|series| series.reading.is_none()))
             && let Some((index, is_first)) = last_change(&series.points, self.from)

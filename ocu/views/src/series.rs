@@ -10,7 +10,6 @@ use crate::view::RunChoice;
 use egui::{Context, Id};
 use rcs_formula::{FieldRef, Formula, Names, Over, Points};
 use rcs_msg::{FieldPath, Scalar, Stamp, Value};
-use rcs_runtime::RunId;
 use rcs_runtime::source::{FieldPoint, FieldSeries, Frame, RunTag, Series, points_of, series_of};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -69,15 +68,6 @@ pub(crate) struct Shelf {
     derived: BTreeMap<(String, RunChoice), Derived>,
 }
 
-/// The run of a curve in a frame.
-fn tag(frame: &Frame, run: RunChoice) -> RunTag {
-    match run {
-        RunChoice::Shown => RunTag::Run(frame.runs.current()),
-        RunChoice::Recorded => RunTag::Recorded,
-        RunChoice::Run(run) => RunTag::Run(RunId(run)),
-    }
-}
-
 fn same(used: &[Used], now: &[Used]) -> bool {
     used.len() == now.len() && used.iter().zip(now).all(|(a, b)| a.0.same(&b.0) && a.1 == b.1)
 }
@@ -106,7 +96,7 @@ impl Shelf {
         if let Some(problem) = absent(frame, run) {
             return Shown { problem: Some(problem), ..Shown::default() };
         }
-        let tag = tag(frame, run);
+        let tag = run.tag(frame);
         let series: Vec<Option<&FieldSeries>> =
             formula.fields().iter().map(|field| frame.field(field, tag)).collect();
         if let (Some(_), [one]) = (formula.as_field(), series.as_slice()) {
@@ -226,7 +216,7 @@ pub(crate) fn array(ctx: &Context, frame: &Frame, field: &FieldRef, run: RunChoi
     }
     let frame = frame.of_run(run.id())?;
     let of = |run| frame.topic_of(&field.topic, run);
-    let topic = of(tag(frame, run)).or_else(|| of(RunTag::Recorded))?;
+    let topic = of(run.tag(frame)).or_else(|| of(RunTag::Recorded))?;
     let message = topic.latest.as_ref()?.message.clone();
     if message.size_hint() > MOST_BYTES {
         return None;

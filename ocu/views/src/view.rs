@@ -34,6 +34,15 @@ impl RunChoice {
         }
     }
 
+    /// What topics and series of the run are marked with in a frame.
+    pub(crate) fn tag(self, frame: &Frame) -> RunTag {
+        match self {
+            Self::Shown => RunTag::Run(frame.runs.current()),
+            Self::Recorded => RunTag::Recorded,
+            Self::Run(run) => RunTag::Run(RunId(run)),
+        }
+    }
+
     /// Name in lists.
     pub fn name(self) -> String {
         match self {
@@ -45,7 +54,7 @@ impl RunChoice {
 }
 
 /// Identifies a topic in layouts, in selections and while dragging.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(from = "StoredKey")]
 pub struct TopicKey {
     /// Name of the buffer: `/wm1/map`.
@@ -85,12 +94,7 @@ impl TopicKey {
 
     /// Finds the topic in a frame; in another run where it does not exist in the one that is meant.
     pub fn find<'a>(&self, frame: &'a Frame) -> Option<&'a Topic> {
-        let run = match self.run {
-            RunChoice::Shown => RunTag::Run(frame.runs.current()),
-            RunChoice::Recorded => RunTag::Recorded,
-            RunChoice::Run(number) => RunTag::Run(RunId(number)),
-        };
-        frame.topic_of(&self.name, run).or_else(|| frame.topic(&self.name))
+        frame.topic_of(&self.name, self.run.tag(frame)).or_else(|| frame.topic(&self.name))
     }
 
     /// Whether the key identifies exactly this topic.

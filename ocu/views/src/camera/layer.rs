@@ -5,7 +5,7 @@ use crate::image::{DecodedImage, Pixels, Tint, decode};
 use crate::prepare::{Painted, prepared};
 use egui::{Color32, Context, Id, TextureId, TextureOptions};
 use ocu_ui::legend::round_step;
-use ocu_ui::palette::{Classes, Label, MapPalette};
+use ocu_ui::palette::{self, Classes, Label, MapPalette};
 use rcs_msg::Stamp;
 use rcs_msg::classes::LabelClass;
 use rcs_msg::foxglove::{CompressedImage, RawImage};
@@ -37,7 +37,46 @@ pub(super) fn look(topic: &Topic) -> Look {
     }
 }
 
-/// Whether the image contains ranges: by its role, or by its encoding where a log has no role metadata.
+/// What the numbers of an image are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Quantity {
+    /// Ranges, m: small ones are near.
+    Range,
+    /// Disparities, px: large ones are near.
+    Disparity,
+}
+
+impl Quantity {
+    /// Derived from the topic's metadata.
+    pub(super) fn of(topic: &Topic) -> Self {
+        if topic.role() == Some(Role::Disparity) { Self::Disparity } else { Self::Range }
+    }
+
+    /// Name of one of them.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Range => "range",
+            Self::Disparity => "disparity",
+        }
+    }
+
+    pub(super) fn unit(self) -> &'static str {
+        match self {
+            Self::Range => "m",
+            Self::Disparity => "px",
+        }
+    }
+
+    /// Colour at a fraction of the scale, 0 to 1: what is near has one colour in images of both kinds.
+    pub(super) fn color(self, fraction: f64) -> Color32 {
+        match self {
+            Self::Range => palette::range(fraction),
+            Self::Disparity => palette::even(fraction),
+        }
+    }
+}
+
+/// Whether the image contains ranges, or disparities: by its role, or by its encoding where a log has no role metadata.
 pub(super) fn is_range(topic: &Topic) -> bool {
     if let Some(role) = topic.role() {
         return matches!(role, Role::Depth | Role::Disparity);
@@ -72,6 +111,17 @@ pub(super) fn is_annotation(topic: &Topic) -> bool {
     topic.type_name() == "foxglove.ImageAnnotations"
 }
 
+/// Whether the topic's messages are images of a camera.
+pub(super) fn is_camera(topic: &Topic) -> bool {
+    is_image(topic) && look(topic) == Look::Image && !is_range(topic) && !topic.is_ground_truth()
+}
+
+/// How much alike two names are: the number of bytes in which they agree from their start, after a slash.
+pub(super) fn likeness(a: &str, b: &str) -> usize {
+    let [a, b] = [a, b].map(|name| name.trim_start_matches('/').bytes());
+    a.zip(b).take_while(|(a, b)| a == b).count()
+}
+
 /// Whether a topic says that it lies on this image.
 pub(super) fn lies_on(topic: &Topic, image: &Topic) -> bool {
     topic.metadata.get(OVERLAY_OF).is_some_and(|name| **name == *image.name)
@@ -93,8 +143,18 @@ pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     images
 }
 
+/// A topic that can lie over an image.
+pub(super) struct Overlay<'a> {
+    pub(super) topic: &'a Topic,
+    /// Whether it is shown until a person switches it off.
+    pub(super) is_usual: bool,
+}
+
 /// The overlays of an image: labels, then other derived images, then shapes, then ground truth.
-pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
+///
+/// The first one and shapes are usual, but for what is predicted, ground truth, and overlays of other cameras. One that
+/// names no image is of the only camera, or else of the camera whose name is most like its own.
+pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
     let lies_on = |topic: &Topic| match topic.metadata.get(OVERLAY_OF) {
         Some(name) => **name == *base.name,
         // Label topics of a scan contain no images, and may have no messages at all.
@@ -103,13 +163,33 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
     let can = |topic: &&Topic| (is_image(topic) || is_annotation(topic)) && lies_on(topic);
     let mut overlays: Vec<_> = frame.topics.iter().filter(can).filter(other).collect();
-    overlays.sort_by_cached_key(|topic| match look(topic) {
-        _ if topic.is_ground_truth() => 3,
-        _ if is_annotation(topic) => 2,
-        Look::Labels => 0,
-        _ => 1,
+    // Looking for cameras may convert messages, so that is done only where an overlay names no image.
+    let is_unnamed = |topic: &&Topic| !topic.metadata.contains_key(OVERLAY_OF);
+    let are_compared = overlays.iter().any(is_unnamed);
+    let cameras = frame.topics.iter().filter(|topic| are_compared && is_camera(topic));
+    let cameras: BTreeSet<&str> = cameras.map(|topic| &*topic.name).collect();
+    let is_own = |topic: &Topic| {
+        let own = likeness(&topic.name, &base.name);
+        let is_most_like = || cameras.iter().all(|camera| likeness(&topic.name, camera) <= own);
+        !is_unnamed(&topic) || cameras.len() <= 1 || (own > 0 && is_most_like())
+    };
+    overlays.sort_by_cached_key(|topic| {
+        let rank = match look(topic) {
+            _ if topic.is_ground_truth() => 3,
+            _ if is_annotation(topic) => 2,
+            Look::Labels => 0,
+            _ => 1,
+        };
+        (rank, !is_own(topic))
     });
-    overlays
+    let first = overlays.first().map(|first| &*first.name);
+    let is_usual = |topic: &Topic| {
+        (first == Some(&*topic.name) || is_annotation(topic))
+            && is_own(topic)
+            && topic.role() != Some(Role::Prediction)
+            && !topic.is_ground_truth()
+    };
+    overlays.iter().map(|&topic| Overlay { topic, is_usual: is_usual(topic) }).collect()
 }
 
 /// The image of a topic's newest message, with costs in the colours of `palette`; `depth_step_m` is the size of one step
@@ -144,10 +224,12 @@ pub(super) struct Layer {
     pub(super) classes: Classes,
     /// Number of values that cannot be.
     pub(super) implausible: usize,
-    /// The ranges at the ends of the colour scale, m, rounded so that colours do not flicker between images.
-    pub(super) range_m: Option<[f64; 2]>,
-    /// Size of one step of the image's values, m.
-    unit_m: f64,
+    pub(super) quantity: Quantity,
+    /// The values at the ends of the colour scale, in the unit of the quantity, rounded so that colours do not flicker
+    /// between images.
+    pub(super) range: Option<[f64; 2]>,
+    /// Size of one step of the image's values, in that unit.
+    step: f64,
     painted: Painted,
 }
 
@@ -155,19 +237,21 @@ impl Layer {
     fn new(topic: &Topic, palette: MapPalette, depth_step_m: f64, most: usize) -> Result<Self, String> {
         let undecodable = || topic.undecodable.as_deref().unwrap_or("its message does not decode").to_owned();
         let image = decode(topic.canonical().ok_or_else(undecodable)?)?;
-        let unit_m = match image.pixels {
-            Pixels::Values { whole: true, .. } => depth_step_m,
+        let quantity = Quantity::of(topic);
+        let step = match image.pixels {
+            Pixels::Values { whole: true, .. } if quantity == Quantity::Range => depth_step_m,
             _ => 1.0,
         };
-        let range_m = image.value_range().map(|range| {
-            let [low, high] = range.map(|value| f64::from(value) * unit_m);
-            let step = round_step((high - low) / 8.0);
-            [(low / step).floor() * step, (high / step).ceil() * step]
+        let range = image.value_range().map(|range| {
+            let [low, high] = range.map(|value| f64::from(value) * step);
+            let round = round_step((high - low) / 8.0);
+            [(low / round).floor() * round, (high / round).ceil() * round]
         });
-        let range = range_m.map_or([0.0, 1.0], |range| range.map(|metres| (metres / unit_m) as f32));
+        let ends = range.map_or([0.0, 1.0], |range| range.map(|value| (value / step) as f32));
         let look = look(topic);
         let classes = if look == Look::Labels { classes(topic) } else { Classes::default() };
         let tint = match look {
+            Look::Image if quantity == Quantity::Disparity => Tint::Disparity,
             Look::Image => Tint::Plain,
             Look::Labels => Tint::Labels(classes.clone()),
             Look::Cost => Tint::Cost(palette),
@@ -179,9 +263,10 @@ impl Layer {
             look,
             classes,
             implausible: image.implausible(),
-            range_m,
-            unit_m,
-            painted: Painted::new(image.paint(&tint, range, most)),
+            quantity,
+            range,
+            step,
+            painted: Painted::new(image.paint(&tint, ends, most)),
             image,
         })
     }
@@ -190,11 +275,11 @@ impl Layer {
         self.painted.texture(ctx, options)
     }
 
-    /// The range at a position, given as fractions of width and height, m.
+    /// The range at a position of an image of ranges, given as fractions of width and height, m.
     pub(super) fn value_m(&self, at: [f64; 2]) -> Option<f64> {
         let index = self.index(at)?;
         let Pixels::Values { values, .. } = &self.image.pixels else { return None };
-        let metres = f64::from(values[index]) * self.unit_m;
+        let metres = f64::from(values[index]) * self.step;
         (metres.is_finite() && metres > 0.0).then_some(metres)
     }
 
@@ -206,10 +291,13 @@ impl Layer {
             (Pixels::Bytes(bytes), Look::Cost) if bytes[index] > 250 => "cost unknown".to_owned(),
             (Pixels::Bytes(bytes), Look::Cost) => format!("cost {:3}", bytes[index]),
             (Pixels::Bytes(bytes), Look::Image) => format!("grey {:3}", bytes[index]),
-            (Pixels::Values { values, .. }, _) if values[index].is_nan() => "no range".to_owned(),
+            (Pixels::Greys { values, .. }, _) => format!("grey {:5}", values[index]),
+            (Pixels::Values { values, .. }, _) if values[index].is_nan() => {
+                format!("no {}", self.quantity.name())
+            }
             (Pixels::Values { values, .. }, _) => {
-                let metres = f64::from(values[index]) * self.unit_m;
-                format!("{metres:7.3} m")
+                let value = f64::from(values[index]) * self.step;
+                format!("{value:7.3} {}", self.quantity.unit())
             }
             (Pixels::Color(colors), _) => {
                 let [r, g, b, _] = colors[index].to_array();
@@ -220,5 +308,39 @@ impl Layer {
 
     fn index(&self, at: [f64; 2]) -> Option<usize> {
         self.image.index(at[0] * self.image.width as f64, at[1] * self.image.height as f64)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use rcs_msg::foxglove::ImageAnnotations;
+
+    #[test]
+    fn shapes_that_name_no_image_are_shown_on_the_camera_that_is_named_like_them() {
+        let image = |name: &str| samples::topic(name, 5.0, 0.1, RawImage::default());
+        let shapes = |name: &str| samples::topic(name, 5.0, 0.1, ImageAnnotations::default());
+        let of = |topics: &[Topic]| Frame { topics: topics.into(), ..samples::empty() };
+        let usual = |frame: &Frame, image: &str| {
+            let overlays = overlays(frame, frame.topic(image).unwrap());
+            let usual = overlays.iter().filter(|overlay| overlay.is_usual);
+            (usual.map(|overlay| overlay.topic.name.to_string()).collect::<Vec<_>>(), overlays.len())
+        };
+        let (front, back) = (image("/CAM_FRONT/image"), image("/CAM_BACK/image"));
+        let of_none = shapes("/detections");
+        let two = of(&[
+            front.clone(),
+            back,
+            shapes("/CAM_FRONT/annotations"),
+            shapes("/CAM_BACK/annotations"),
+            of_none.clone(),
+        ]);
+        // The others are offered.
+        assert_eq!(usual(&two, "/CAM_FRONT/image"), (vec!["/CAM_FRONT/annotations".to_owned()], 3));
+        assert_eq!(usual(&two, "/CAM_BACK/image"), (vec!["/CAM_BACK/annotations".to_owned()], 3));
+        let one = of(&[front, of_none]);
+        assert_eq!(usual(&one, "/CAM_FRONT/image"), (vec!["/detections".to_owned()], 1));
     }
 }

@@ -1,9 +1,10 @@
 //! Camera view: an image with overlays computed from it.
 //!
 //! Overlays are topics whose `rcs.overlay_of` names the image's topic; topics of labels, costs or shapes without that
-//! metadata are offered for every image. An overlay smaller than its image is scaled to it. Ground truth is off until
-//! it is switched on. What lies in space (horizon, planned path, cells of the map) is projected into the image where a
-//! calibration and transforms say how. The readout under the pointer shows the pixel and the value or name in each layer.
+//! metadata are offered for every image, and are on for the camera whose name is most like theirs. An overlay smaller
+//! than its image is scaled to it. Ground truth is off until it is switched on. What lies in space (horizon, planned
+//! path, cells of the map) is projected into the image where a calibration and transforms say how. The readout under
+//! the pointer shows the pixel and the value or name in each layer.
 
 mod annotations;
 mod layer;
@@ -14,9 +15,9 @@ use crate::badge;
 use crate::canvas::Viewport;
 use crate::view::{Hover, HoverPoint, SavedState, TopicKey, View, ViewContext, is_old};
 use egui::{Align2, Id, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
-use layer::{Layer, Look};
+use layer::{Layer, Look, Overlay};
 use ocu_ui::bar::{self, Bar, Fit, Form};
-use ocu_ui::palette::{self, MapPalette};
+use ocu_ui::palette::MapPalette;
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, legend, stale, tokens};
 use projected::{Prepared, Projected, Seen};
@@ -118,12 +119,10 @@ impl View for Camera {
 
 /// The cameras of a source, the most telling first: those with overlays where there are any, otherwise all.
 pub fn cameras(frame: &Frame) -> Vec<TopicKey> {
-    let is_camera = |topic: &&Topic| {
-        layer::look(topic) == Look::Image && !layer::is_range(topic) && !topic.is_ground_truth()
+    let images: Vec<_> = layer::images(frame).into_iter().filter(|topic| layer::is_camera(topic)).collect();
+    let is_lain_on = |image: &&Topic| {
+        layer::overlays(frame, image).iter().any(|overlay| layer::lies_on(overlay.topic, image))
     };
-    let images: Vec<_> = layer::images(frame).into_iter().filter(is_camera).collect();
-    let is_lain_on =
-        |image: &&Topic| layer::overlays(frame, image).iter().any(|overlay| layer::lies_on(overlay, image));
     let with_overlays: Vec<_> = images.iter().copied().filter(|image| is_lain_on(image)).collect();
     let chosen = if with_overlays.is_empty() { images } else { with_overlays };
     chosen.into_iter().map(TopicKey::of).collect()
@@ -182,7 +181,7 @@ impl Camera {
         cx: &mut ViewContext<'_>,
         topic: &Topic,
         base: Result<Option<Arc<Layer>>, String>,
-        overlays: &[&Topic],
+        overlays: &[Overlay<'_>],
         seen: Option<&Seen>,
     ) {
         let (canvas, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
@@ -220,10 +219,11 @@ impl Camera {
         let mut implausible = vec![(base.implausible, &*topic.name)];
         let mut shown: Vec<Shown<'_>> = vec![(topic, base)];
         for overlay in overlays {
-            let state = self.overlay_state(overlay, overlays);
+            let state = self.overlay_state(overlay);
             if !state.shown {
                 continue;
             }
+            let overlay = overlay.topic;
             if let Some(shapes) = overlay.get() {
                 // Overlays are clipped to the image.
                 let inside = painter.with_clip_rect(painter.clip_rect().intersect(rect));
@@ -266,16 +266,16 @@ impl Camera {
 
     /// The legends of the images; the first one lies below the others.
     fn legends(&self, ui: &mut Ui, canvas: Rect, shown: &[Shown<'_>]) {
-        let range = shown.first().and_then(|(_, base)| base.range_m);
+        let range = shown.first().and_then(|(_, base)| Some((base.quantity, base.range?)));
         let has = |look: Look| shown.iter().any(|(_, layer)| layer.look == look);
         // Of a small image the legend would hide too much; the read-out names what is under the pointer.
         if !(has(Look::Labels) || has(Look::Cost) || range.is_some()) || canvas.height() < 180.0 {
             return;
         }
         legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
-            if let Some([near, far]) = range {
-                let ends = (format::metres(near, 1), format::metres(far, 1));
-                legend::band(ui, 120.0, &ends.0, &ends.1, palette::range);
+            if let Some((quantity, ends)) = range {
+                let [low, high] = ends.map(|value| format!("{value:.1} {}", quantity.unit()));
+                legend::band(ui, 120.0, &low, &high, |fraction| quantity.color(fraction));
             }
             let labels = shown.iter().find(|(_, layer)| layer.look == Look::Labels);
             let classes = labels.map(|(_, layer)| layer.classes.legend()).unwrap_or_default();

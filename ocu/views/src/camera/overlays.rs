@@ -1,6 +1,6 @@
 //! The row with the switches of the overlays.
 
-use super::layer;
+use super::layer::{Overlay, Quantity};
 use super::{Camera, OverlayState, Projected};
 use crate::image::{DecodedImage, Pixels};
 use crate::view::rate_hz;
@@ -10,16 +10,10 @@ use ocu_ui::{icons, tokens};
 use rcs_runtime::source::Topic;
 
 impl Camera {
-    /// Initial settings of an overlay: only the first one and shapes are on; what is predicted, and ground truth, is off.
-    pub(super) fn overlay_state(&self, overlay: &Topic, overlays: &[&Topic]) -> OverlayState {
-        let first = overlays.first().is_some_and(|first| first.name == overlay.name);
-        let fallback = OverlayState {
-            shown: (first || layer::is_annotation(overlay))
-                && overlay.role() != Some(rcs_runtime::Role::Prediction)
-                && !overlay.is_ground_truth(),
-            ..OverlayState::default()
-        };
-        self.saved.overlays.get(&*overlay.name).copied().unwrap_or(fallback)
+    /// Settings of an overlay.
+    pub(super) fn overlay_state(&self, overlay: &Overlay<'_>) -> OverlayState {
+        let usual = OverlayState { shown: overlay.is_usual, ..OverlayState::default() };
+        self.saved.overlays.get(&*overlay.topic.name).copied().unwrap_or(usual)
     }
 
     /// Settings of a projection.
@@ -33,20 +27,21 @@ impl Camera {
         ui: &mut Ui,
         topic: &Topic,
         image: Option<&DecodedImage>,
-        overlays: &[&Topic],
+        overlays: &[Overlay<'_>],
         projected: &[Projected],
     ) {
-        let whole = image.is_some_and(|image| matches!(image.pixels, Pixels::Values { whole: true, .. }));
+        let whole = Quantity::of(topic) == Quantity::Range
+            && image.is_some_and(|image| matches!(image.pixels, Pixels::Values { whole: true, .. }));
         if overlays.is_empty() && projected.is_empty() && !whole {
             return;
         }
         // Overlays that do not fit in the row, and ground truth, are listed in a menu.
-        let truth = overlays.iter().any(|overlay| overlay.is_ground_truth());
+        let truth = overlays.iter().any(|overlay| overlay.topic.is_ground_truth());
         let mut bar: Bar<'_, Self> = Bar::new("overlays");
         bar.left("overlays", Fit::Shrinks, |ui, form, view| {
             if form == Form::Full && !truth {
                 for overlay in overlays {
-                    view.overlay_switch(ui, overlay, overlays);
+                    view.overlay_switch(ui, overlay);
                 }
                 for what in projected {
                     view.projected_switch(ui, *what);
@@ -56,8 +51,8 @@ impl Camera {
             }
         });
         bar.left("behind", Fit::Leaves(20), |ui, _, view| {
-            for overlay in overlays.iter().filter(|overlay| view.overlay_state(overlay, overlays).shown) {
-                behind(ui, topic, overlay);
+            for overlay in overlays.iter().filter(|overlay| view.overlay_state(overlay).shown) {
+                behind(ui, topic, overlay.topic);
             }
         });
         if whole {
@@ -67,11 +62,11 @@ impl Camera {
     }
 
     /// All overlays in a menu, with ground truth at the end; the button names those that are on.
-    fn overlay_menu(&mut self, ui: &mut Ui, form: Form, overlays: &[&Topic], projected: &[Projected]) {
-        let topics = overlays.iter().filter(|overlay| self.overlay_state(overlay, overlays).shown);
+    fn overlay_menu(&mut self, ui: &mut Ui, form: Form, overlays: &[Overlay<'_>], projected: &[Projected]) {
+        let topics = overlays.iter().filter(|overlay| self.overlay_state(overlay).shown);
         let others = projected.iter().filter(|what| self.projected_state(**what).shown);
         let on: Vec<&str> =
-            topics.map(|overlay| &*overlay.name).chain(others.map(|what| what.name())).collect();
+            topics.map(|overlay| &*overlay.topic.name).chain(others.map(|what| what.name())).collect();
         let shown = match (on.as_slice(), form) {
             ([], _) => "none".to_owned(),
             (on, Form::Short) => on.len().to_string(),
@@ -84,7 +79,7 @@ impl Camera {
             egui::Grid::new("overlays").num_columns(2).show(ui, |ui| {
                 let (own, given) = overlays.split_at(own(overlays));
                 for overlay in own {
-                    self.overlay_switch(ui, overlay, overlays);
+                    self.overlay_switch(ui, overlay);
                     ui.end_row();
                 }
                 for what in projected {
@@ -92,13 +87,13 @@ impl Camera {
                     ui.end_row();
                 }
                 for overlay in given {
-                    if overlay.is_ground_truth() && !std::mem::replace(&mut truth, true) {
+                    if overlay.topic.is_ground_truth() && !std::mem::replace(&mut truth, true) {
                         ui.label(
                             egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak),
                         );
                         ui.end_row();
                     }
-                    self.overlay_switch(ui, overlay, overlays);
+                    self.overlay_switch(ui, overlay);
                     ui.end_row();
                 }
             });
@@ -106,9 +101,9 @@ impl Camera {
         response.on_hover_text("What lies over the image");
     }
 
-    fn overlay_switch(&mut self, ui: &mut Ui, overlay: &Topic, overlays: &[&Topic]) {
-        let state = self.overlay_state(overlay, overlays);
-        self.switch(ui, &overlay.name, &overlay.name, state);
+    fn overlay_switch(&mut self, ui: &mut Ui, overlay: &Overlay<'_>) {
+        let state = self.overlay_state(overlay);
+        self.switch(ui, &overlay.topic.name, &overlay.topic.name, state);
     }
 
     fn projected_switch(&mut self, ui: &mut Ui, what: Projected) {
@@ -146,8 +141,8 @@ impl Camera {
 }
 
 /// Number of overlays before those of ground truth, which are the last ones.
-fn own(overlays: &[&Topic]) -> usize {
-    overlays.iter().position(|overlay| overlay.is_ground_truth()).unwrap_or(overlays.len())
+fn own(overlays: &[Overlay<'_>]) -> usize {
+    overlays.iter().position(|overlay| overlay.topic.is_ground_truth()).unwrap_or(overlays.len())
 }
 
 /// Shows that an overlay belongs to another image than the one shown. A delay of up to one image is normal for a

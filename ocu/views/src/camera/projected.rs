@@ -414,9 +414,6 @@ fn calibration<'a>(frame: &'a Frame, image: &Topic, optical: &str) -> Option<&'a
             .is_some_and(|calibration| frame_name(&calibration.frame_id) == optical)
     };
     // Of several equal ones that of the run: `max_by_key` returns the last one.
-    let common = |topic: &&Topic| {
-        let common = topic.name.bytes().zip(image.name.bytes()).take_while(|(a, b)| a == b).count();
-        (common, !topic.run.is_recorded())
-    };
+    let common = |topic: &&Topic| (layer::likeness(&topic.name, &image.name), !topic.run.is_recorded());
     frame.topics_of_type("foxglove.CameraCalibration").filter(fits).max_by_key(common)
 }

@@ -134,7 +134,7 @@ impl Fields {
     fn decoded_ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, decoded: &Arc<Decoded>) {
         let key = TopicKey::of(topic);
         self.origin.ui(ui, cx);
-        self.edits.ui(ui, cx);
+        self.edits.ui(ui, cx, topic);
         // What is found and what is painted belongs to this view and topic.
         let slot = ui.scope_id().with((&*topic.name, topic.run));
         let mut area = ui.available_rect_before_wrap();

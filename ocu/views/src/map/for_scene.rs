@@ -38,6 +38,8 @@ pub(crate) struct Placed<'a> {
     /// Whether it is shown until a person switches it off.
     pub(crate) is_usual: bool,
     pub(crate) is_stale: bool,
+    /// Age of its newest message, s; `None` for a track without its topic.
+    pub(crate) age_s: Option<f64>,
 }
 
 /// The frame in which most can be drawn, and everything that can be drawn in it. `chosen` is the frame that a person
@@ -69,6 +71,7 @@ pub(crate) fn placed<'a>(
             series: panel::series(&all, index),
             is_usual: !layer.is_ground_truth() && !is_part,
             is_stale: layer.is_stale(frame.now),
+            age_s: layer.topic.and_then(|topic| topic.age_s(frame.now)),
         })
     });
     Some((scene.to_owned(), placed.collect()))

@@ -15,11 +15,11 @@ use crate::map::{self, Placed, Thing};
 use crate::prepare;
 use crate::view::{Hover, HoverPoint, SavedState, View, ViewContext};
 use camera::{Camera, project, unproject};
-use egui::{Align2, Color32, FontId, Rect, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
+use egui::{Align2, Color32, FontId, Rect, RichText, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::legend::round_step;
 use ocu_ui::palette::MapPalette;
-use ocu_ui::{icons, legend, tokens, widgets};
+use ocu_ui::{format, icons, legend, tokens, widgets};
 use rcs_geom::{DVec3, Pose};
 use rcs_runtime::source::{Frame, Topic};
 use serde::{Deserialize, Serialize};
@@ -35,6 +35,10 @@ const FIRST: Duration = Duration::from_millis(120);
 const NEXT: Duration = Duration::from_millis(12);
 /// Everything is fitted again when it needs this many times the distance: a run begins with little.
 const OUTGROWN: f64 = 1.5;
+/// Most notes of each kind over the picture; the others are counted.
+const MOST_NOTES: usize = 3;
+/// Height of the button below the reason why there is no picture, and of the gaps around it, screen points.
+const AGAIN: f32 = 36.0;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -77,6 +81,7 @@ pub(crate) struct Scene {
     number: u64,
     picture: Option<Picture>,
     texture: Option<egui::TextureHandle>,
+    /// Why nothing can be drawn, until a person tries again; there is no worker and no picture then.
     failed: Option<String>,
     /// The camera that fitted everything, which stays until it is asked for again, or much more is there.
     fitted: Option<Camera>,
@@ -142,6 +147,7 @@ impl Scene {
                     if ui.checkbox(&mut shown, &layer.name).changed() {
                         view.saved.layers.insert(layer.name.clone(), shown);
                     }
+                    age(ui, layer);
                 }
                 ui.separator();
                 ui.checkbox(&mut view.saved.axes, "Coordinate frames");
@@ -212,10 +218,12 @@ impl Scene {
         let shown: Vec<&Placed<'_>> = placed.iter().filter(|layer| self.shows(layer)).collect();
         self.follow(&shown);
         self.draw(ui, cx.frame, scene, &shown, canvas);
-        if let Some(failed) = &self.failed {
-            let hint = failed.clone();
-            let mut child = ui.new_child(egui::UiBuilder::new().max_rect(canvas));
-            return widgets::empty(&mut child, icons::ICON_ERROR, "The scene cannot be drawn", &hint);
+        if let Some(reason) = &self.failed {
+            if cannot_be_drawn(ui, canvas, reason) {
+                self.failed = None;
+                ui.ctx().request_repaint();
+            }
+            return;
         }
         let Some(picture) = &self.picture else { return };
         if let Some(texture) = &self.texture {
@@ -246,11 +254,7 @@ impl Scene {
             let stroke = egui::Stroke::new(1.5, tokens(ui).accent);
             ui.painter_at(canvas).circle_stroke(at, 6.0, stroke);
         }
-        for (row, problem) in picture.problems.iter().take(3).enumerate() {
-            let at = canvas.left_top() + Vec2::new(8.0, 8.0 + 16.0 * row as f32);
-            let font = FontId::proportional(12.0);
-            ui.painter_at(canvas).text(at, Align2::LEFT_TOP, problem, font, tokens(ui).warning);
-        }
+        notes(ui, canvas, &picture.problems, &shown);
     }
 
     /// The place at which another view points.
@@ -362,7 +366,10 @@ impl Scene {
                 }
                 self.picture = Some(picture);
             }
-            Some(Err(error)) => self.failed = Some(error),
+            Some(Err(error)) => {
+                (self.worker, self.picture, self.asked) = (None, None, None);
+                self.failed = Some(error);
+            }
         }
         let is_old = self.picture.as_ref().is_none_or(|picture| picture.number < self.number);
         // The worker wakes a window; where there is none, the next pass comes at once.
@@ -424,6 +431,51 @@ impl Scene {
     }
 }
 
+/// The age of a layer, below its name in the menu.
+fn age(ui: &mut Ui, layer: &Placed<'_>) {
+    let Some(age_s) = layer.age_s else { return };
+    let (age, tokens) = (format::age(age_s), tokens(ui));
+    let (text, color) = if layer.is_stale {
+        (format!("old: {age}"), tokens.stale)
+    } else {
+        (format!("age {age}"), tokens.weak)
+    };
+    ui.horizontal(|ui| {
+        ui.add_space(22.0);
+        ui.label(RichText::new(text).small().color(color));
+    });
+}
+
+/// What could not be read, and what is shown and old, over the picture.
+fn notes(ui: &mut Ui, canvas: Rect, problems: &[String], shown: &[&Placed<'_>]) {
+    let note = |layer: &&Placed<'_>| Some(format!("{}: old, {}", layer.name, format::age(layer.age_s?)));
+    let old: Vec<String> = shown.iter().filter(|layer| layer.is_stale).filter_map(note).collect();
+    if problems.is_empty() && old.is_empty() {
+        return;
+    }
+    let tokens = tokens(ui);
+    legend::plate(ui, canvas, Align2::LEFT_TOP, |ui| {
+        ui.style_mut().interaction.selectable_labels = false;
+        for (texts, color) in [(problems, tokens.warning), (old.as_slice(), tokens.stale)] {
+            for text in texts.iter().take(MOST_NOTES) {
+                ui.label(RichText::new(text).small().color(color));
+            }
+            let more = texts.len().saturating_sub(MOST_NOTES);
+            if more > 0 {
+                ui.label(RichText::new(format!("and {more} more")).small().color(color));
+            }
+        }
+    });
+}
+
+/// Says in place of a picture why there is none; returns whether to try again.
+fn cannot_be_drawn(ui: &mut Ui, canvas: Rect, reason: &str) -> bool {
+    let above = canvas.with_max_y((canvas.bottom() - AGAIN).max(canvas.top()));
+    let mut child = ui.new_child(egui::UiBuilder::new().max_rect(above));
+    widgets::empty(&mut child, icons::ICON_ERROR, "The scene cannot be drawn", reason);
+    child.vertical_centered(|ui| ui.button("Try again").clicked()).inner
+}
+
 fn made(name: &str, shapes: Shapes) -> Layer {
     let content = Content::Made(Arc::new(shapes));
     Layer { name: format!("({name})"), content, pose: Pose::IDENTITY }
@@ -473,5 +525,39 @@ fn entity_texts(ui: &Ui, shown: &[&Placed<'_>], matrix: &glam::DMat4, canvas: Re
             painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.7));
             painter.galley(place.min, galley, color);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use crate::view::Selection;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+
+    #[test]
+    fn after_an_error_a_person_can_try_again() {
+        let frame = samples::full();
+        let scene = Scene { failed: Some("the device was lost".to_owned()), ..Scene::default() };
+        let show = move |ui: &mut Ui, scene: &mut Scene| {
+            let (mut controls, mut wishes) = (Vec::new(), Vec::new());
+            let mut selection = Selection::default();
+            let mut cx = ViewContext {
+                frame: &frame,
+                controls: &mut controls,
+                selection: &mut selection,
+                wishes: &mut wishes,
+            };
+            scene.ui(ui, &mut cx);
+        };
+        let harness = Harness::builder().with_max_steps(12).with_context_setup(ocu_ui::install);
+        let mut harness = harness.build_ui_state(show, scene);
+        harness.run();
+        assert!(harness.query_by_label("the device was lost").is_some());
+        harness.get_by_label("Try again").click();
+        harness.run();
+        // Without a graphics driver there is another reason now.
+        assert!(harness.query_by_label("the device was lost").is_none());
     }
 }

@@ -1,5 +1,5 @@
-//! The thread that prepares and draws the scene. The interface waits for it only where the view is closed, for a moment.
-//! Of several requests only the newest is carried out.
+//! The thread that prepares and draws the scene. The interface waits for it only where the view is closed or the thread
+//! has failed, for a moment. Of several requests only the newest is carried out.
 
 use super::camera::Camera;
 use super::gpu::{Draw, Gpu, Pixels};
@@ -15,7 +15,7 @@ use rcs_msg::foxglove::PointCloud;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -72,6 +72,8 @@ pub(super) struct Picture {
 
 /// Maximum time for which a view that is closed waits for its thread.
 const LAST: Duration = Duration::from_millis(500);
+/// What is said where the thread has ended by itself.
+const ENDED: &str = "the thread that draws it has ended by a panic, which it printed";
 
 /// The thread, from outside. Dropping it waits until the thread has drawn its current picture and released the device:
 /// a program that ends while a thread still uses the graphics driver crashes in it.
@@ -86,6 +88,17 @@ pub(super) struct Worker {
     thread: Option<JoinHandle<()>>,
 }
 
+/// Wakes the window when the thread ends by a panic, so that the view says so.
+struct Wakes(egui::Context);
+
+impl Drop for Wakes {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.request_repaint();
+        }
+    }
+}
+
 impl Worker {
     pub(super) fn start(ctx: egui::Context) -> std::io::Result<Self> {
         let (requests, receiver) = channel::<Request>();
@@ -93,6 +106,9 @@ impl Worker {
         let is_closed = Arc::new(AtomicBool::new(false));
         let ends = Arc::clone(&is_closed);
         let thread = std::thread::Builder::new().name("scene".to_owned()).spawn(move || {
+            // Dropped in reverse order: the device, then the channel, whose end the woken window sees.
+            let wakes = Wakes(ctx);
+            let answers = sender;
             let mut gpu = None;
             let mut prepared = Prepared::default();
             while let Ok(mut request) = receiver.recv() {
@@ -106,11 +122,11 @@ impl Worker {
                     None => Gpu::new().and_then(|new| picture(gpu.insert(new), &mut prepared, &request)),
                     Some(gpu) => picture(gpu, &mut prepared, &request),
                 };
-                if sender.send(drawn).is_err() {
+                if answers.send(drawn).is_err() {
                     return;
                 }
                 // A repaint without a delay is done twice.
-                ctx.request_repaint_after(Duration::from_millis(1));
+                wakes.0.request_repaint_after(Duration::from_millis(1));
             }
         })?;
         Ok(Self { requests: Some(requests), is_closed, pictures, thread: Some(thread) })
@@ -118,19 +134,31 @@ impl Worker {
 
     pub(super) fn ask(&self, request: Request) {
         if let Some(requests) = &self.requests {
-            // Where the thread has ended, its last answer says why.
+            // Where the thread has ended, `take` and `wait` say so.
             let _ = requests.send(request);
         }
     }
 
-    /// The newest picture since the last call.
+    /// The newest picture since the last call. An error says why there is none, also where the thread has ended by a
+    /// panic.
     pub(super) fn take(&self) -> Option<Result<Picture, String>> {
-        self.pictures.try_iter().last()
+        let mut newest = None;
+        loop {
+            match self.pictures.try_recv() {
+                Ok(picture) => newest = Some(picture),
+                Err(TryRecvError::Empty) => return newest,
+                Err(TryRecvError::Disconnected) => return newest.or_else(|| Some(Err(ENDED.to_owned()))),
+            }
+        }
     }
 
     /// Like [`Worker::take`], for which it waits a little.
     pub(super) fn wait(&self, time: Duration) -> Option<Result<Picture, String>> {
-        self.pictures.recv_timeout(time).ok()
+        match self.pictures.recv_timeout(time) {
+            Ok(picture) => Some(picture),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => Some(Err(ENDED.to_owned())),
+        }
     }
 }
 
@@ -251,6 +279,16 @@ fn fitted(shapes: &[(Arc<Shapes>, Pose)]) -> Camera {
 mod tests {
     use super::*;
     use egui::Color32;
+
+    #[test]
+    fn a_thread_that_has_ended_is_not_one_that_has_nothing_new() {
+        let (sender, pictures) = channel();
+        let worker = Worker { requests: None, is_closed: Arc::default(), pictures, thread: None };
+        assert!(worker.take().is_none() && worker.wait(Duration::ZERO).is_none());
+        drop(sender);
+        assert!(matches!(worker.take(), Some(Err(_))));
+        assert!(matches!(worker.wait(Duration::ZERO), Some(Err(_))));
+    }
 
     #[test]
     fn a_view_that_is_closed_leaves_no_thread_that_uses_the_driver() {

@@ -3,12 +3,14 @@
 mod access;
 mod behaviour;
 mod compares;
+mod edits;
 mod hostile;
 mod log_lines;
 mod pictures;
 mod plans;
 mod projections;
 mod read_outs;
+mod scenes;
 mod sweeps;
 mod tunes;
 

@@ -6,8 +6,10 @@ use egui::{Rect, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{Grid, PackedElementField};
+use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
 use rcs_runtime::source::Frame;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 const LARGE: Vec2 = Vec2::new(900.0, 560.0);
 /// A place beside the middle of the map of which a source knows the cost, and one of which none does.
@@ -94,6 +96,31 @@ fn a_read_out_lies_inside_of_the_map_and_beside_the_pointer() {
             }
         }
     }
+}
+
+#[test]
+fn disparities_are_read_in_pixels_and_so_is_their_scale() {
+    let mut values = [46.0_f32; 64];
+    values[..8].fill(3.0);
+    let data: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let image = RawImage {
+        width: 8,
+        height: 8,
+        encoding: "32FC1".into(),
+        step: 32,
+        data: data.into(),
+        ..RawImage::default()
+    };
+    let mut topic = samples::topic("/stereo/disparity", 5.0, 0.1, image);
+    topic.metadata = Arc::new(BTreeMap::from([("rcs.role".to_owned(), "disparity".to_owned())]));
+    let frame = Frame { topics: Arc::new([topic]), ..samples::empty() };
+    let mut harness = harness(Shown::new("camera", frame), LARGE, Theme::Dark);
+    harness.run();
+    let canvas = harness.get_by_label("Image of /stereo/disparity").rect();
+    harness.hover_at(canvas.center());
+    harness.run();
+    assert_eq!(count(&harness, "46.000 px"), 1);
+    assert_eq!(count(&harness, "50.0 px"), 1, "the end of the scale");
 }
 
 #[test]

@@ -1,0 +1,82 @@
+//! Editing the fields of several buffers, and who wrote them.
+
+use super::{Shown, harness};
+use crate::samples::{self, NOW};
+use crate::view::{RunChoice, TopicKey};
+use egui::{Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use rcs_formula::{FieldRef, Points};
+use rcs_runtime::source::{Control, FieldSeries, Frame, RunTag, SourceInfo, SourceKind, series_of};
+use std::sync::Arc;
+
+/// The fields of a topic of this frame, as one of a stack, which can be written to.
+fn fields(frame: Frame, topic: TopicKey) -> Harness<'static, Shown> {
+    let info = SourceInfo { kind: SourceKind::Stack, ..(*frame.info).clone() };
+    let mut shown = Shown::new("fields", Frame { info: Arc::new(info), ..frame });
+    shown.selection.topic = Some(topic);
+    let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    harness
+}
+
+/// Chooses an item of the menu of a field.
+fn choose(harness: &mut Harness<'_, Shown>, field: &str, item: &str) {
+    harness.get_by_label(field).click_secondary();
+    harness.run();
+    harness.get_by_label(item).click();
+    harness.run();
+}
+
+#[test]
+fn changes_that_were_not_written_are_shown_with_their_buffer_only_and_come_back_with_it() {
+    let mut harness = fields(samples::full(), TopicKey::shown("/planner/status"));
+    let select = |harness: &mut Harness<'_, Shown>, name: &str| {
+        harness.state_mut().selection.topic = Some(TopicKey::shown(name));
+        harness.run();
+    };
+    choose(&mut harness, "cycle 321", "Edit…");
+    assert!(harness.query_by_label("New value of .cycle").is_some());
+
+    select(&mut harness, "/obstacles/status");
+    for name in ["New value of .cycle", "Write now", "Hold"] {
+        assert!(harness.query_by_label(name).is_none(), "{name}: it would be written to another buffer");
+    }
+    choose(&mut harness, "echo_serial 3", "Edit…");
+    assert!(harness.query_by_label("New value of .echo_serial").is_some());
+
+    select(&mut harness, "/planner/status");
+    assert!(harness.query_by_label("New value of .cycle").is_some());
+    assert!(harness.query_by_label("New value of .echo_serial").is_none());
+    harness.get_by_label("Write now").click();
+    harness.run();
+    let controls = &harness.state().controls;
+    let [Control::Write { buffer, .. }] = controls.as_slice() else { panic!("{controls:?}") };
+    assert_eq!(buffer, "/planner/status");
+}
+
+#[test]
+fn who_wrote_a_recorded_field_is_found_in_the_recording_and_a_computed_one_in_the_run() {
+    let before = |ms: u64| NOW.before_ns(ms * 1_000_000);
+    let changed = |run: RunTag, age_ms: u64| FieldSeries {
+        field: FieldRef { topic: "/planner/status".to_owned(), path: ".cycle".parse().unwrap() },
+        run,
+        points: series_of(&Points::new([9_000, age_ms].map(before), [320.0, 321.0])),
+        names: Arc::default(),
+        reading: None,
+        problem: None,
+    };
+    let mut frame = samples::full();
+    let mut recorded = frame.topic("/planner/status").unwrap().clone();
+    recorded.run = RunTag::Recorded;
+    frame.topics = frame.topics.iter().cloned().chain([recorded]).collect();
+    frame.fields = Arc::new([changed(RunTag::Recorded, 4_000), changed(RunTag::FIRST, 1_000)]);
+    for (run, age_ms) in [(RunChoice::Recorded, 4_000), (RunChoice::Shown, 1_000)] {
+        let key = TopicKey { name: "/planner/status".to_owned(), run };
+        let mut harness = fields(frame.clone(), key);
+        choose(&mut harness, "cycle 321", "Who wrote this");
+        let controls = &harness.state().controls;
+        let [Control::Seek(at)] = controls.as_slice() else { panic!("{run:?}: {controls:?}") };
+        assert_eq!(*at, before(age_ms), "{run:?}");
+    }
+}
