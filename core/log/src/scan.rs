@@ -58,8 +58,7 @@ struct Hops<'a> {
     lost: Lost,
     run: Option<Run>,
     /// The last chunk, to which the next message indexes belong unless there is damage between them.
-    last_chunk: Option<usize>,
-    damaged_since_chunk: bool,
+    last_chunk: Option<LastChunk>,
     /// The message indexes after a chunk, by segment.
     indexes: BTreeMap<usize, Indexes>,
     /// Whether there are compressed chunks, and messages outside of chunks.
@@ -69,6 +68,13 @@ struct Hops<'a> {
     data_ended: bool,
     /// Number of records where the format has none of their kind; opcode and offset of the first one.
     misplaced: Option<(u64, u8, u64)>,
+}
+
+/// A chunk behind which message indexes may follow.
+#[derive(Clone, Copy)]
+struct LastChunk {
+    segment: usize,
+    has_damage_behind: bool,
 }
 
 /// Which records a search may stop at.
@@ -106,7 +112,6 @@ impl<'a> Hops<'a> {
             lost: Lost::default(),
             run: None,
             last_chunk: None,
-            damaged_since_chunk: false,
             indexes: BTreeMap::new(),
             compressed: false,
             loose: false,
@@ -180,14 +185,17 @@ impl<'a> Hops<'a> {
             op::MESSAGE_INDEX => {
                 let count =
                     indexed_messages(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |(_, count)| count);
-                match self.last_chunk.map(|chunk| self.indexes.entry(chunk).or_default()) {
-                    Some(indexes) if self.damaged_since_chunk => {
+                if let Some(LastChunk { segment, has_damage_behind }) = self.last_chunk {
+                    let indexes = self.indexes.entry(segment).or_default();
+                    if has_damage_behind {
                         let start = at + HEAD as u64;
                         indexes.doubtful.push(DoubtfulIndex { start, body: head.body, count });
+                    } else {
+                        indexes.count += count;
                     }
-                    Some(indexes) => indexes.count += count,
+                } else {
                     // The chunk before it was skipped.
-                    None => self.lost.messages += count,
+                    self.lost.messages += count;
                 }
             }
             // A second header is damage, which has been reported.
@@ -243,8 +251,8 @@ impl<'a> Hops<'a> {
         let chunk = ChunkHead::read(&self.window.get(at, PROBE)?[HEAD..]);
         self.compressed |= chunk.as_ref().is_some_and(|chunk| !chunk.compression.is_empty());
         let contents = chunk.map_or(0, |chunk| chunk.uncompressed);
-        self.last_chunk = Some(self.contents.segments.len());
-        self.damaged_since_chunk = false;
+        let segment = self.contents.segments.len();
+        self.last_chunk = Some(LastChunk { segment, has_damage_behind: false });
         // The second pass computes times and channels.
         self.contents.segments.push(Segment {
             start: at,
@@ -300,7 +308,9 @@ impl<'a> Hops<'a> {
 
     fn lose(&mut self, from: u64, to: u64, what: &str) {
         self.close_run();
-        self.damaged_since_chunk = true;
+        if let Some(chunk) = &mut self.last_chunk {
+            chunk.has_damage_behind = true;
+        }
         self.lost.bytes += to - from;
         self.contents.problems.add(format!("{what} from byte {from} to {to}"));
     }

@@ -437,7 +437,7 @@ mod tests {
         // Each message holds two of the next, and the last one nothing: 2^30 of them take no bytes.
         let mut text = "C0 a\nC0 b\nint8 end\n".to_owned();
         for depth in 0..29 {
-            text += &format!("===\nMSG: a/C{depth}\nC{0} a\nC{0} b\n", depth + 1);
+            write!(text, "===\nMSG: a/C{depth}\nC{0} a\nC{0} b\n", depth + 1).expect("a text takes all");
         }
         text += "===\nMSG: a/C29\n";
         let layout = Layout::parse("a/Top", &text, Wire::Ros1).expect("it is a definition");
