@@ -140,6 +140,7 @@ pub(super) fn short(value: &Value) -> String {
         Value::Enum { number, name } => format!("{name} ({number})"),
         Value::List(list) => match list.len() {
             0 => "empty".to_owned(),
+            1 => "1 element".to_owned(),
             count => format!("{} elements", format::count(count as u64)),
         },
         Value::Packed(packed) => {
