@@ -16,7 +16,8 @@ use rcs_runtime::source::{Control, Frame, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Number of writes that can be taken back.
+/// Number of writes to a buffer that can be taken back. Each keeps two messages, and there are as many as a person has
+/// made by hand.
 const MOST_UNDO: usize = 50;
 
 /// How the changes take effect.

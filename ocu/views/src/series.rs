@@ -208,9 +208,14 @@ fn missing(frame: &Frame, field: &FieldRef, run: RunChoice) -> Arc<str> {
 }
 
 /// The array of numbers at a path of the newest message, over its index: an index is a second. It is made once for each
-/// message, by threads. `None` if there is another value or the message is too large to be decoded, and until the first
-/// array is made.
-pub(crate) fn array(ctx: &Context, frame: &Frame, field: &FieldRef, run: RunChoice) -> Option<Shown> {
+/// message, by threads. `None` if there is another value, and until the first array is made. The error says why the
+/// message is not decoded, so that it is not known what is there.
+pub(crate) fn array(
+    ctx: &Context,
+    frame: &Frame,
+    field: &FieldRef,
+    run: RunChoice,
+) -> Option<Result<Shown, String>> {
     if absent(frame, run).is_some() {
         return None;
     }
@@ -219,12 +224,13 @@ pub(crate) fn array(ctx: &Context, frame: &Frame, field: &FieldRef, run: RunChoi
     let topic = of(run.tag(frame)).or_else(|| of(RunTag::Recorded))?;
     let message = topic.latest.as_ref()?.message.clone();
     if message.size_hint() > MOST_BYTES {
-        return None;
+        let mib = MOST_BYTES >> 20;
+        return Some(Err(format!("its message is larger than {mib} MiB, so it is not drawn")));
     }
     let slot = Id::unique(("array", &*topic.name, topic.run, &field.path));
     let (key, path) = (SameMessage(message.clone()), field.path.clone());
     let made = prepared(ctx, slot, key, move || by_index(&message.value().ok()?, &path))?;
-    (*made).clone()
+    (*made).clone().map(Ok)
 }
 
 /// The array at a path, of a longer one every so many numbers; `None` if there is another value.

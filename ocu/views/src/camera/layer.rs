@@ -116,10 +116,21 @@ pub(super) fn is_camera(topic: &Topic) -> bool {
     is_image(topic) && look(topic) == Look::Image && !is_range(topic) && !topic.is_ground_truth()
 }
 
-/// How much alike two names are: the number of bytes in which they agree from their start, after a slash.
-pub(super) fn likeness(a: &str, b: &str) -> usize {
-    let [a, b] = [a, b].map(|name| name.trim_start_matches('/').bytes());
+/// Number of parts between slashes in which two names agree from their start.
+fn common_parts(a: &str, b: &str) -> usize {
+    let [a, b] = [a, b].map(|name| name.trim_start_matches('/').split('/'));
     a.zip(b).take_while(|(a, b)| a == b).count()
+}
+
+/// Whether two images are of one camera: they were taken in one coordinate frame, or the name of one is that of the
+/// other with a further part, such as `/compressed`.
+fn are_of_one_camera(a: &Topic, b: &Topic) -> bool {
+    let begins = |long: &str, short: &str| {
+        long.strip_prefix(short).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+    };
+    begins(&a.name, &b.name)
+        || begins(&b.name, &a.name)
+        || optical_frame(a).is_some_and(|name| !name.is_empty() && optical_frame(b) == Some(name))
 }
 
 /// Whether a topic says that it lies on this image.
@@ -152,8 +163,9 @@ pub(super) struct Overlay<'a> {
 
 /// The overlays of an image: labels, then other derived images, then shapes, then ground truth.
 ///
-/// The first one and shapes are usual, but for what is predicted, ground truth, and overlays of other cameras. One that
-/// names no image is of the only camera, or else of the camera whose name is most like its own.
+/// Of those of this camera the first one and shapes are usual, but for what is predicted and ground truth. One that names
+/// no image is of this camera where its name has more parts in common with that of the image than with those of all other
+/// cameras; so it is of the only camera, and of none where several have as many.
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
     let lies_on = |topic: &Topic| match topic.metadata.get(OVERLAY_OF) {
         Some(name) => **name == *base.name,
@@ -166,12 +178,11 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
     // Looking for cameras may convert messages, so that is done only where an overlay names no image.
     let is_unnamed = |topic: &&Topic| !topic.metadata.contains_key(OVERLAY_OF);
     let are_compared = overlays.iter().any(is_unnamed);
-    let cameras = frame.topics.iter().filter(|topic| are_compared && is_camera(topic));
-    let cameras: BTreeSet<&str> = cameras.map(|topic| &*topic.name).collect();
+    let is_other = |topic: &&Topic| are_compared && is_camera(topic) && !are_of_one_camera(topic, base);
+    let others: Vec<&Topic> = frame.topics.iter().filter(is_other).collect();
     let is_own = |topic: &Topic| {
-        let own = likeness(&topic.name, &base.name);
-        let is_most_like = || cameras.iter().all(|camera| likeness(&topic.name, camera) <= own);
-        !is_unnamed(&topic) || cameras.len() <= 1 || (own > 0 && is_most_like())
+        let own = common_parts(&topic.name, &base.name);
+        !is_unnamed(&topic) || others.iter().all(|other| common_parts(&topic.name, &other.name) < own)
     };
     overlays.sort_by_cached_key(|topic| {
         let rank = match look(topic) {
@@ -182,7 +193,7 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
         };
         (rank, !is_own(topic))
     });
-    let first = overlays.first().map(|first| &*first.name);
+    let first = overlays.iter().find(|topic| is_own(topic)).map(|first| &*first.name);
     let is_usual = |topic: &Topic| {
         (first == Some(&*topic.name) || is_annotation(topic))
             && is_own(topic)
@@ -312,22 +323,32 @@ impl Layer {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use crate::samples;
     use rcs_msg::foxglove::ImageAnnotations;
 
+    fn image(name: &str) -> Topic {
+        samples::topic(name, 5.0, 0.1, RawImage::default())
+    }
+
+    fn shapes(name: &str) -> Topic {
+        samples::topic(name, 5.0, 0.1, ImageAnnotations::default())
+    }
+
+    fn of(topics: &[Topic]) -> Frame {
+        Frame { topics: topics.into(), ..samples::empty() }
+    }
+
+    /// The overlays of an image that are usual, and the number of all.
+    fn usual(frame: &Frame, image: &str) -> (Vec<String>, usize) {
+        let overlays = overlays(frame, frame.topic(image).unwrap());
+        let usual = overlays.iter().filter(|overlay| overlay.is_usual);
+        (usual.map(|overlay| overlay.topic.name.to_string()).collect(), overlays.len())
+    }
+
     #[test]
     fn shapes_that_name_no_image_are_shown_on_the_camera_that_is_named_like_them() {
-        let image = |name: &str| samples::topic(name, 5.0, 0.1, RawImage::default());
-        let shapes = |name: &str| samples::topic(name, 5.0, 0.1, ImageAnnotations::default());
-        let of = |topics: &[Topic]| Frame { topics: topics.into(), ..samples::empty() };
-        let usual = |frame: &Frame, image: &str| {
-            let overlays = overlays(frame, frame.topic(image).unwrap());
-            let usual = overlays.iter().filter(|overlay| overlay.is_usual);
-            (usual.map(|overlay| overlay.topic.name.to_string()).collect::<Vec<_>>(), overlays.len())
-        };
         let (front, back) = (image("/CAM_FRONT/image"), image("/CAM_BACK/image"));
         let of_none = shapes("/detections");
         let two = of(&[
@@ -342,5 +363,54 @@ mod tests {
         assert_eq!(usual(&two, "/CAM_BACK/image"), (vec!["/CAM_BACK/annotations".to_owned()], 3));
         let one = of(&[front, of_none]);
         assert_eq!(usual(&one, "/CAM_FRONT/image"), (vec!["/detections".to_owned()], 1));
+    }
+
+    #[test]
+    fn shapes_that_are_named_like_several_cameras_are_offered_on_all_and_shown_on_none() {
+        for [first, second, boxes] in [
+            ["/robot/front/image", "/robot/rear/image", "/robot/detections"],
+            // Only whole parts of names count.
+            ["/depth_cam/image", "/rgb/image", "/detections"],
+        ] {
+            let frame = of(&[image(first), image(second), shapes(boxes)]);
+            assert_eq!(usual(&frame, first), (Vec::new(), 1), "{boxes}");
+            assert_eq!(usual(&frame, second), (Vec::new(), 1), "{boxes}");
+        }
+    }
+
+    #[test]
+    fn several_images_of_one_camera_show_the_shapes_that_name_none() {
+        let compressed = samples::topic("/camera/image_raw/compressed", 5.0, 0.1, CompressedImage::default());
+        let in_frame = |name: &str| {
+            let image = RawImage { frame_id: "/camera_optical".to_owned(), ..RawImage::default() };
+            samples::topic(name, 5.0, 0.1, image)
+        };
+        for [first, second] in [
+            [image("/camera/image_raw"), compressed],
+            [in_frame("/camera/image_raw"), in_frame("/rectified/image")],
+        ] {
+            let frame = of(&[first.clone(), second.clone(), shapes("/detections")]);
+            for image in [first, second] {
+                assert_eq!(usual(&frame, &image.name), (vec!["/detections".to_owned()], 1), "{}", image.name);
+            }
+        }
+    }
+
+    #[test]
+    fn labels_of_another_camera_do_not_hide_the_first_overlay_of_this_one() {
+        let derived = |name: &str, metadata: &[(&str, &str)]| {
+            let pairs = metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned()));
+            let mut topic = image(name);
+            topic.metadata = Arc::new(pairs.collect());
+            topic
+        };
+        let frame = of(&[
+            image("/front/image"),
+            image("/rear/image"),
+            derived("/front/cost", &[("rcs.role", "cost"), (OVERLAY_OF, "/front/image")]),
+            derived("/rear/labels", &[("rcs.role", "labels")]),
+        ]);
+        assert_eq!(usual(&frame, "/front/image"), (vec!["/front/cost".to_owned()], 2));
+        assert_eq!(usual(&frame, "/rear/image"), (vec!["/rear/labels".to_owned()], 1));
     }
 }

@@ -1,10 +1,10 @@
 //! Camera view: an image with overlays computed from it.
 //!
 //! Overlays are topics whose `rcs.overlay_of` names the image's topic; topics of labels, costs or shapes without that
-//! metadata are offered for every image, and are on for the camera whose name is most like theirs. An overlay smaller
-//! than its image is scaled to it. Ground truth is off until it is switched on. What lies in space (horizon, planned
-//! path, cells of the map) is projected into the image where a calibration and transforms say how. The readout under
-//! the pointer shows the pixel and the value or name in each layer.
+//! metadata are offered for every image, and are on for the camera whose name begins like theirs. An overlay smaller than
+//! its image is scaled to it. Ground truth is off until it is switched on. What lies in space (horizon, planned path,
+//! cells of the map) is projected into the image where a calibration and transforms say how. The readout under the
+//! pointer shows the pixel and the value or name in each layer.
 
 mod annotations;
 mod layer;
@@ -29,17 +29,18 @@ use std::sync::Arc;
 /// Size of a canvas below which it has no room for the name of a topic, screen points.
 const SMALL: Vec2 = Vec2::new(240.0, 120.0);
 
-/// Saved settings of an overlay.
+/// Saved settings of an overlay, for all images of the view.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-struct OverlayState {
-    shown: bool,
+struct SavedOverlay {
+    /// Whether it is shown; `None` for what is usual, which differs between images.
+    shown: Option<bool>,
     opacity: f32,
 }
 
-impl Default for OverlayState {
+impl Default for SavedOverlay {
     fn default() -> Self {
-        Self { shown: true, opacity: 0.45 }
+        Self { shown: None, opacity: 0.45 }
     }
 }
 
@@ -49,7 +50,7 @@ struct Saved {
     /// The image to show; the first one where none is named or the named one does not exist.
     topic: Option<TopicKey>,
     /// Overlays that were changed by hand, by topic.
-    overlays: BTreeMap<String, OverlayState>,
+    overlays: BTreeMap<String, SavedOverlay>,
     /// Colours of costs.
     palette: MapPalette,
     /// Size of one step of a depth image with whole numbers, m.

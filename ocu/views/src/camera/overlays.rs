@@ -1,7 +1,7 @@
 //! The row with the switches of the overlays.
 
 use super::layer::{Overlay, Quantity};
-use super::{Camera, OverlayState, Projected};
+use super::{Camera, Projected};
 use crate::image::{DecodedImage, Pixels};
 use crate::view::rate_hz;
 use egui::{Role, Ui, WidgetInfo};
@@ -9,17 +9,27 @@ use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::{icons, tokens};
 use rcs_runtime::source::Topic;
 
+/// How an overlay of an image is shown.
+pub(super) struct OverlayState {
+    pub(super) shown: bool,
+    pub(super) opacity: f32,
+}
+
 impl Camera {
     /// Settings of an overlay.
     pub(super) fn overlay_state(&self, overlay: &Overlay<'_>) -> OverlayState {
-        let usual = OverlayState { shown: overlay.is_usual, ..OverlayState::default() };
-        self.saved.overlays.get(&*overlay.topic.name).copied().unwrap_or(usual)
+        self.state(&overlay.topic.name, overlay.is_usual)
     }
 
     /// Settings of a projection.
     pub(super) fn projected_state(&self, what: Projected) -> OverlayState {
-        let usual = OverlayState { shown: what.is_usual(), ..OverlayState::default() };
-        self.saved.overlays.get(what.key()).copied().unwrap_or(usual)
+        self.state(what.key(), what.is_usual())
+    }
+
+    /// Settings by the name in layouts.
+    fn state(&self, key: &str, is_usual: bool) -> OverlayState {
+        let saved = self.saved.overlays.get(key).copied().unwrap_or_default();
+        OverlayState { shown: saved.shown.unwrap_or(is_usual), opacity: saved.opacity }
     }
 
     pub(super) fn overlay_bar(
@@ -102,27 +112,30 @@ impl Camera {
     }
 
     fn overlay_switch(&mut self, ui: &mut Ui, overlay: &Overlay<'_>) {
-        let state = self.overlay_state(overlay);
-        self.switch(ui, &overlay.topic.name, &overlay.topic.name, state);
+        self.switch(ui, &overlay.topic.name, &overlay.topic.name, overlay.is_usual);
     }
 
     fn projected_switch(&mut self, ui: &mut Ui, what: Projected) {
-        self.switch(ui, what.key(), what.name(), self.projected_state(what));
+        self.switch(ui, what.key(), what.name(), what.is_usual());
     }
 
     /// A checkbox and an opacity slider; `key` is the name in layouts.
-    fn switch(&mut self, ui: &mut Ui, key: &str, name: &str, before: OverlayState) {
-        let mut state = before;
-        ui.checkbox(&mut state.shown, name).on_hover_text("Show this overlay");
-        let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
+    fn switch(&mut self, ui: &mut Ui, key: &str, name: &str, is_usual: bool) {
+        let before = self.saved.overlays.get(key).copied().unwrap_or_default();
+        let mut saved = before;
+        let mut shown = saved.shown.unwrap_or(is_usual);
+        if ui.checkbox(&mut shown, name).on_hover_text("Show this overlay").changed() {
+            saved.shown = (shown != is_usual).then_some(shown);
+        }
+        let slider = egui::Slider::new(&mut saved.opacity, 0.0..=1.0)
             .custom_formatter(|v, _| format!("{:3.0} %", v * 100.0))
             .custom_parser(|text| text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0));
-        let response = ui.add_enabled(state.shown, slider);
+        let response = ui.add_enabled(shown, slider);
         let name = format!("Opacity of {name}");
         response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
         response.on_hover_text(name);
-        if state != before {
-            self.saved.overlays.insert(key.to_owned(), state);
+        if saved != before {
+            self.saved.overlays.insert(key.to_owned(), saved);
         }
     }
 

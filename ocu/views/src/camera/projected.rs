@@ -414,6 +414,12 @@ fn calibration<'a>(frame: &'a Frame, image: &Topic, optical: &str) -> Option<&'a
             .is_some_and(|calibration| frame_name(&calibration.frame_id) == optical)
     };
     // Of several equal ones that of the run: `max_by_key` returns the last one.
-    let common = |topic: &&Topic| (layer::likeness(&topic.name, &image.name), !topic.run.is_recorded());
+    let common = |topic: &&Topic| (likeness(&topic.name, &image.name), !topic.run.is_recorded());
     frame.topics_of_type("foxglove.CameraCalibration").filter(fits).max_by_key(common)
+}
+
+/// How much alike two names are: the number of bytes in which they agree from their start, after a slash.
+fn likeness(a: &str, b: &str) -> usize {
+    let [a, b] = [a, b].map(|name| name.trim_start_matches('/').bytes());
+    a.zip(b).take_while(|(a, b)| a == b).count()
 }

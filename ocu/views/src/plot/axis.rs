@@ -4,6 +4,8 @@ use egui::Rangef;
 
 /// A day, s.
 const DAY_S: f64 = 86_400.0;
+/// Number of characters that find room beside a vertical axis.
+pub(super) const MOST_CHARACTERS: usize = 8;
 
 /// What the horizontal axis of a graph is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,16 +129,25 @@ pub(super) fn around(min: f64, max: f64) -> (f64, f64) {
 pub(super) fn mark_text(value: f64, step: f64) -> String {
     let size = value.abs().max(step);
     if size < 1e-4 || (size >= 1e6 && step >= 1e4) {
-        let digits = (size.log10().floor() - step.log10().floor()).clamp(2.0, 17.0) as usize;
+        let digits = (size.log10().floor() - step.log10().floor()).clamp(0.0, 17.0) as usize;
         return if value == 0.0 { "0".to_owned() } else { format!("{value:.digits$e}") };
     }
     let decimals = decimals(step);
     format!("{:.decimals$}", if value == 0.0 { 0.0 } else { value })
 }
 
+/// A number's text of at most this many characters: of a longer one `…` and its end, in which neighbouring marks differ.
+pub(super) fn shortened(text: &str, most: usize) -> String {
+    let count = text.chars().count();
+    if count <= most {
+        return text.to_owned();
+    }
+    std::iter::once('…').chain(text.chars().skip(count + 1 - most)).collect()
+}
+
 /// The decimals that multiples of a step need.
 fn decimals(step: f64) -> usize {
-    (-step.log10().floor()).clamp(0.0, 9.0) as usize
+    (-step.log10().floor()).clamp(0.0, 17.0) as usize
 }
 
 /// Times since the start as the marks of one axis say them, all in one format: seconds, with minutes where one of them is
@@ -191,7 +202,7 @@ mod tests {
         assert_eq!(mark_text(0.1 + 0.2, 0.1), "0.3");
         assert_eq!(mark_text(1200.0, 200.0), "1200");
         assert_eq!(mark_text(-0.0, 1.0), "0");
-        assert_eq!(mark_text(3.2e7, 1e6), "3.20e7");
+        assert_eq!(mark_text(3.2e7, 1e6), "3.2e7");
     }
 
     #[test]
@@ -200,6 +211,34 @@ mod tests {
         assert_eq!(mark_text(1_234_567.5, 0.5), "1234567.5");
         assert_eq!([4.001e8, 4.002e8].map(|value| mark_text(value, 1e5)), ["4.001e8", "4.002e8"]);
         assert_eq!([3.051e-5, 3.052e-5].map(|value| mark_text(value, 1e-8)), ["3.051e-5", "3.052e-5"]);
+    }
+
+    #[test]
+    fn long_marks_are_shortened_at_their_beginning_and_neighbours_still_differ() {
+        assert_eq!(
+            ["5300110", "-71.0945", "1700000010", "1.70000000012e18"]
+                .map(|text| shortened(text, MOST_CHARACTERS)),
+            ["5300110", "-71.0945", "…0000010", "…0012e18"]
+        );
+        for (from, length) in [
+            (1_700_000_000.0, 60.0),
+            (1.7e18, 6e10),
+            (1.7e18, 9e3),
+            (-1.234_567e9, 3.0),
+            (-71.094_57, 5e-4),
+            (1.0, 1e-9),
+            (-1e-9, 2e-9),
+            (-9.4e-10, 1e-10),
+            (1e-4, 1e-12),
+            (-1e300, 2e300),
+        ] {
+            let (marks, step) = Axis::vertical(from, from + length, Rangef::new(0.0, 300.0)).marks(34.0);
+            let text = |mark: &f64| shortened(&mark_text(*mark, step), MOST_CHARACTERS);
+            let texts: Vec<String> = marks.iter().map(text).collect();
+            assert!(texts.len() > 2, "{from}: {texts:?}");
+            assert!(texts.iter().all(|text| text.chars().count() <= MOST_CHARACTERS), "{texts:?}");
+            assert!(texts.windows(2).all(|pair| pair[0] != pair[1]), "{texts:?}");
+        }
     }
 
     #[test]

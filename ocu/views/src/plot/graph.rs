@@ -5,7 +5,7 @@ use super::columns::Kept;
 use super::menu::{self, Asked};
 use super::paint::{self, BAND, Clock, Reduced};
 use super::saved::{Curve, Graph, Saved};
-use super::{color_of, run_label};
+use super::{GUTTER, color_of, run_label};
 use crate::series::{Shelf, Shown, array};
 use crate::view::{Hover, ViewContext};
 use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
@@ -50,7 +50,12 @@ impl Drawn {
                 && let Ok(formula) = shelf.formula(&curve.formula)
                 && let Some(found) = formula.as_field().and_then(|field| array(ctx, frame, field, run))
             {
-                (shown, of) = (found, GraphKind::Index);
+                match found {
+                    Ok(found) => (shown, of) = (found, GraphKind::Index),
+                    // It may be no array, so that it does not displace curves over time.
+                    Err(problem) if shown.problem.is_some() => shown.problem = Some(problem.into()),
+                    Err(_) => {}
+                }
             }
             over.push(of);
             let label = format!("{}{}", curve.formula, run_label(curve.run));
@@ -157,11 +162,9 @@ pub(super) fn ui(
     let axes = Axes { x, y };
     let painter = ui.painter().with_clip_rect(plot.expand2(Vec2::new(60.0, 24.0)).intersect(ui.clip_rect()));
     paint::horizontal_axis(&painter, plot, &axes.x, drawn.kind, place.labelled, tokens);
-    if bands < drawn.curves.len() {
-        paint::vertical_axis(&painter, quantities, &axes.y[0], false, tokens);
-    }
-    if drawn.has_right_axis() {
-        paint::vertical_axis(&painter, quantities, &axes.y[1], true, tokens);
+    let has_axis = [bands < drawn.curves.len(), drawn.has_right_axis()];
+    for side in (0..2).filter(|side| has_axis[*side]) {
+        vertical_axis(ui, &painter, place, quantities, &axes.y[side], side);
     }
     ui.painter().rect_stroke(plot, 0.0, Stroke::new(1.0, tokens.line), egui::StrokeKind::Outside);
 
@@ -178,6 +181,24 @@ pub(super) fn ui(
     let at = times(ui, cx, drawn, place, &response, &axes, &inside);
     acts.extend(legend(ui, saved, drawn, place, at));
     acts
+}
+
+/// Paints a vertical axis, the left one (0) or the right one (1). Where marks find no room beside the plot, the axis says
+/// them whole when the pointer rests on it.
+fn vertical_axis(
+    ui: &Ui,
+    painter: &egui::Painter,
+    place: &Place,
+    quantities: Rect,
+    axis: &Axis,
+    side: usize,
+) {
+    let Some(whole) = paint::vertical_axis(painter, quantities, axis, side == 1, tokens(ui)) else { return };
+    let (left, right) = (quantities.left(), quantities.right());
+    let gutter = if side == 1 { right..=right + GUTTER } else { left - GUTTER..=left };
+    let beside = Rect::from_x_y_ranges(gutter, quantities.y_range());
+    let id = ui.scope_id().with(("axis", place.index, side));
+    ui.interact(beside, id, Sense::hover()).on_hover_text_at_pointer(whole);
 }
 
 /// A curve reduced to what the screen shows; what was drawn last is kept with the graph.

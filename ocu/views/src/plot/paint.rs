@@ -1,9 +1,9 @@
 //! Paints one graph: axes, curves, bands of states, cursors.
 
-use super::axis::{Axis, GraphKind, around, mark_text, time_texts};
+use super::axis::{Axis, GraphKind, MOST_CHARACTERS, around, mark_text, shortened, time_texts};
 use super::columns::{Column, Kept, bands, strokes, visible};
 use crate::series::Shown;
-use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
+use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 use ocu_ui::Tokens;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{FieldPoint, Series};
@@ -12,6 +12,8 @@ use rcs_runtime::source::{FieldPoint, Series};
 pub(super) const BAND: f32 = 18.0;
 /// Curves with at most this many visible points are drawn with their points.
 const DOTS: usize = 60;
+/// Size of the letters of marks, points.
+pub(super) const MARK: f32 = 10.5;
 /// Width of the lines of curves.
 pub(super) const LINE: f32 = 1.25;
 
@@ -136,22 +138,38 @@ pub(super) fn band(painter: &Painter, reduced: &Reduced, shown: &Shown, rect: Re
     }
 }
 
-/// Draws the grid and the marks of the vertical axes.
-pub(super) fn vertical_axis(painter: &Painter, plot: Rect, axis: &Axis, at_right: bool, tokens: &Tokens) {
+/// Draws the grid and the marks of a vertical axis; returns the whole texts of the marks, from above, if some of them find
+/// no room.
+pub(super) fn vertical_axis(
+    painter: &Painter,
+    plot: Rect,
+    axis: &Axis,
+    at_right: bool,
+    tokens: &Tokens,
+) -> Option<String> {
     let (marks, step) = axis.marks(34.0);
-    let font = FontId::monospace(10.5);
-    for mark in marks {
+    let font = FontId::monospace(MARK);
+    let room = painter.clip_rect();
+    let mut whole = Vec::new();
+    let mut is_shortened = false;
+    for mark in marks.into_iter().rev() {
         let y = axis.at(mark);
-        if at_right {
+        let text = mark_text(mark, step);
+        let shown = shortened(&text, MOST_CHARACTERS);
+        is_shortened |= shown != text;
+        whole.push(text);
+        let galley = painter.layout_no_wrap(shown, font.clone(), tokens.weak);
+        let (width, height) = (galley.size().x, galley.size().y);
+        let left = if at_right {
             painter.hline(plot.right()..=plot.right() + 4.0, y, Stroke::new(1.0, tokens.line));
-            let at = Pos2::new(plot.right() + 7.0, y);
-            painter.text(at, Align2::LEFT_CENTER, mark_text(mark, step), font.clone(), tokens.weak);
+            (plot.right() + 7.0).min(room.right() - width)
         } else {
             painter.hline(plot.x_range(), y, Stroke::new(1.0, tokens.line.gamma_multiply(0.55)));
-            let at = Pos2::new(plot.left() - 6.0, y);
-            painter.text(at, Align2::RIGHT_CENTER, mark_text(mark, step), font.clone(), tokens.weak);
-        }
+            (plot.left() - 6.0 - width).max(room.left())
+        };
+        painter.galley(Pos2::new(left, y - height / 2.0), galley, tokens.weak);
     }
+    is_shortened.then(|| whole.join("\n"))
 }
 
 /// The marks of a horizontal axis, with their texts.
@@ -180,7 +198,7 @@ pub(super) fn horizontal_axis(
         let x = axis.at(mark);
         painter.vline(x, plot.y_range(), Stroke::new(1.0, tokens.line.gamma_multiply(0.55)));
         if labelled {
-            let galley = painter.layout_no_wrap(text, FontId::monospace(10.5), tokens.weak);
+            let galley = painter.layout_no_wrap(text, FontId::monospace(MARK), tokens.weak);
             // At the ends of the axis a mark stands beside its line rather than outside of what is painted.
             let (room, width) = (painter.clip_rect(), galley.size().x);
             let most = room.right() - width - 2.0;

@@ -1,5 +1,6 @@
 //! Statistics of the visible part of each curve, or of the part between the two cursors.
 
+use super::axis::{mark_text, shortened};
 use super::paint::Clock;
 use crate::series::Shown;
 use egui::{Align, FontId, Rect, Sense, Ui, Vec2, WidgetInfo};
@@ -10,6 +11,8 @@ use rcs_runtime::source::moments;
 
 const ROW: f32 = 18.0;
 const CELL: f32 = 84.0;
+/// Number of characters that find room in a cell.
+const MOST_CHARACTERS: usize = 11;
 const TITLES: [&str; 8] =
     ["points", "least", "greatest", "mean", "deviation", "integral · s", "change", "rate · Hz"];
 
@@ -24,13 +27,12 @@ pub(super) fn of(shown: &Shown, from: Stamp, to: Stamp) -> Option<Moments> {
     moments(&shown.points, first..shown.points.count_until(to))
 }
 
-/// A value of a curve with five digits; where these hardly tell its values apart, with three of their spread.
+/// A value of a curve with five digits; where these hardly tell its values apart, with at least three of their spread.
 fn among(value: f64, spread: f64) -> String {
     if !(spread > 0.0 && spread < 1e-2 * value.abs()) {
         return format::number(value);
     }
-    let unit = 10_f64.powf(spread.log10().floor() - 2.0);
-    format::exact((value / unit).round() * unit)
+    mark_text(value, 10_f64.powf(spread.log10().floor() - 2.0))
 }
 
 /// The cells of a row.
@@ -91,13 +93,18 @@ pub(super) fn table(ui: &mut Ui, clock: Clock, range: (f64, f64), curves: &[(Str
         response.widget_info(|| {
             WidgetInfo::labeled(egui::Role::Label, true, said.clone().unwrap_or_else(|| label.clone()))
         });
+        let is_long = |text: &String| text.chars().count() > MOST_CHARACTERS;
+        if let Some(said) = said.filter(|_| texts.iter().flatten().any(is_long)) {
+            response.on_hover_text_at_pointer(said);
+        }
         let swatch =
             Rect::from_center_size(egui::Pos2::new(row.left() + 12.0, row.center().y), Vec2::new(8.0, 3.0));
         ui.painter().rect_filled(swatch, 1.0, *color);
         let name = name(row);
         widgets::cell(ui, name.with_min_x(name.left() + 16.0), Align::Min, label, small.clone(), tokens.text);
         for (column, text) in texts.iter().flatten().take(fits).enumerate() {
-            widgets::cell(ui, cell_at(row, column), Align::Max, text, FontId::monospace(11.0), tokens.text);
+            let text = shortened(text, MOST_CHARACTERS);
+            widgets::cell(ui, cell_at(row, column), Align::Max, &text, FontId::monospace(11.0), tokens.text);
         }
     }
 }
@@ -121,7 +128,18 @@ mod tests {
             cells_of([-71.094_121_2, -71.094_571_2, -71.094_421_2]),
             ["-71.094571", "-71.094121", "-71.094371"]
         );
-        assert_eq!(cells_of([5_300_110.0, 5_300_150.0, 5_300_131.0]), ["5300110", "5300150", "5300130.3"]);
+        assert_eq!(
+            cells_of([5_300_110.0, 5_300_150.0, 5_300_131.0]),
+            ["5300110.0", "5300150.0", "5300130.3"]
+        );
+        assert_eq!(
+            cells_of([2e12, 2e12 + 500.0, 2e12 + 250.0]),
+            ["2000000000000", "2000000000500", "2000000000250"]
+        );
+        assert_eq!(
+            cells_of([1.7e18, 1.7e18 + 6e10, 1.7e18 + 3e10]),
+            ["1.7000000000e18", "1.7000000600e18", "1.7000000300e18"]
+        );
         assert_eq!(cells_of([0.5, 1.25, 1.0 / 3.0]), ["0.33333", "1.25", "0.69444"]);
         assert_eq!(cells_of([42.377_123_4; 3]), ["42.377"; 3]);
     }

@@ -1,13 +1,15 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use super::*;
+use crate::fields::MOST_BYTES;
 use crate::samples;
 use crate::view::{Hovers, Selection, TopicKey};
 use egui::Theme;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_formula::Points;
-use rcs_runtime::source::{FieldSeries, RunTag, series_of};
+use rcs_msg::foxglove::RawImage;
+use rcs_runtime::source::{FieldSeries, RunTag, Series, series_of};
 use std::sync::Arc;
 
 /// A frame with a field of quantities, one with gaps, and one of states, over twelve seconds.
@@ -148,19 +150,20 @@ fn against_another_and_arrays_are_drawn() {
     harness.snapshot_options("plot_against", &options);
 }
 
+/// What a graph draws in a frame.
+fn drawn(context: &egui::Context, frame: &Frame, graph: &Graph) -> Drawn {
+    let (mut shelf, mut drawn) = (Shelf::default(), Vec::new());
+    let draw = |ui: &mut Ui| drawn.push(Drawn::new(ui, frame, &mut shelf, graph, &mut 0));
+    context.run_ui(egui::RawInput::default(), draw).textures_delta.clear();
+    drawn.pop().unwrap()
+}
+
 #[test]
 fn a_field_over_time_beside_an_array_is_refused_and_an_array_against_a_field() {
     let (context, frame) = (egui::Context::default(), frame());
-    let mut shelf = Shelf::default();
-    let mut drawn = |graph: &Graph| {
-        let mut drawn = Vec::new();
-        let draw = |ui: &mut Ui| drawn.push(Drawn::new(ui, &frame, &mut shelf, graph, &mut 0));
-        context.run_ui(egui::RawInput::default(), draw).textures_delta.clear();
-        drawn.pop().unwrap()
-    };
     let formulas = ["/vehicle/state.speed_mps", "/camera/image.data", "/nothing/here.x"];
     let mut graph = plot(&[&formulas]).saved.graphs.remove(0);
-    let first = drawn(&graph);
+    let first = drawn(&context, &frame, &graph);
     assert_eq!(first.kind, GraphKind::Index);
     let [speed, array, absent] = [0, 1, 2].map(|index| &first.curves[index].shown);
     assert!(speed.points.is_empty());
@@ -168,12 +171,57 @@ fn a_field_over_time_beside_an_array_is_refused_and_an_array_against_a_field() {
     assert_eq!((array.points.len(), &array.problem), (96 * 64 * 3, &None));
     assert_eq!(absent.problem.as_deref(), Some("there is no buffer /nothing/here"));
     // The same message is read once.
-    assert!(drawn(&graph).curves[1].shown.points.same(&array.points));
+    assert!(drawn(&context, &frame, &graph).curves[1].shown.points.same(&array.points));
     graph.against = Some("/vehicle/state.yaw_rate_rps".to_owned());
-    let against = drawn(&graph);
+    let against = drawn(&context, &frame, &graph);
     assert_eq!((against.kind, &against.curves[0].shown.problem), (GraphKind::Against, &None));
     let problem = against.curves[1].shown.problem.as_ref().unwrap();
     assert!(problem.contains("over its index"), "{problem}");
+}
+
+#[test]
+fn an_array_of_a_message_that_is_too_large_says_so_and_displaces_no_curve_over_time() {
+    let mut frame = frame();
+    // Zeros that nothing reads take no memory.
+    let image = RawImage { data: vec![0_u8; MOST_BYTES + 1].into(), ..RawImage::default() };
+    let large = samples::topic("/large/image", 5.0, 0.1, image);
+    frame.topics = frame.topics.iter().cloned().chain([large]).collect();
+    let refused = FieldSeries {
+        field: FieldRef { topic: "/large/image".to_owned(), path: ".data".parse().unwrap() },
+        points: Series::default(),
+        problem: Some("got bytes, expected a number: .data".into()),
+        ..frame.fields[0].clone()
+    };
+    frame.fields = frame.fields.iter().cloned().chain([refused]).collect();
+    let graph = plot(&[&["/vehicle/state.speed_mps", "/large/image.data"]]).saved.graphs.remove(0);
+    let drawn = drawn(&egui::Context::default(), &frame, &graph);
+    let [speed, array] = [0, 1].map(|index| &drawn.curves[index].shown);
+    assert_eq!((drawn.kind, speed.points.is_empty(), &speed.problem), (GraphKind::Time, false, &None));
+    let problem = array.problem.as_ref().unwrap();
+    assert!(problem.contains("larger than 64 MiB"), "{problem}");
+}
+
+#[test]
+fn marks_find_room_beside_the_graph_and_those_that_are_shortened_are_said_whole() {
+    let context = egui::Context::default();
+    let plot = Rect::from_min_size(Pos2::new(100.0, 100.0), egui::Vec2::new(300.0, 200.0));
+    let (mut width, mut whole) = (0.0, Vec::new());
+    let draw = |ui: &mut Ui| {
+        let text = "0".repeat(axis::MOST_CHARACTERS);
+        let font = egui::FontId::monospace(paint::MARK);
+        width = ui.painter().layout_no_wrap(text, font, Color32::WHITE).size().x;
+        let says = |from: f64, to: f64, at_right: bool| {
+            let axis = axis::Axis::vertical(from, to, plot.y_range());
+            paint::vertical_axis(ui.painter(), plot, &axis, at_right, tokens(ui))
+        };
+        whole = [false, true].map(|at_right| says(1.7e9, 1.7e9 + 60.0, at_right)).to_vec();
+        whole.push(says(0.0, 1.0, false));
+    };
+    context.run_ui(egui::RawInput::default(), draw).textures_delta.clear();
+    // Beside the lines of the marks, which are 4 points long.
+    assert!(width <= GUTTER - 5.0, "{width}");
+    let said = Some("1700000060\n1700000040\n1700000020\n1700000000".to_owned());
+    assert_eq!(whole, [said.clone(), said, None]);
 }
 
 #[test]

@@ -529,35 +529,4 @@ fn entity_texts(ui: &Ui, shown: &[&Placed<'_>], matrix: &glam::DMat4, canvas: Re
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::samples;
-    use crate::view::Selection;
-    use egui_kittest::Harness;
-    use egui_kittest::kittest::Queryable as _;
-
-    #[test]
-    fn after_an_error_a_person_can_try_again() {
-        let frame = samples::full();
-        let scene = Scene { failed: Some("the device was lost".to_owned()), ..Scene::default() };
-        let show = move |ui: &mut Ui, scene: &mut Scene| {
-            let (mut controls, mut wishes) = (Vec::new(), Vec::new());
-            let mut selection = Selection::default();
-            let mut cx = ViewContext {
-                frame: &frame,
-                controls: &mut controls,
-                selection: &mut selection,
-                wishes: &mut wishes,
-            };
-            scene.ui(ui, &mut cx);
-        };
-        let harness = Harness::builder().with_max_steps(12).with_context_setup(ocu_ui::install);
-        let mut harness = harness.build_ui_state(show, scene);
-        harness.run();
-        assert!(harness.query_by_label("the device was lost").is_some());
-        harness.get_by_label("Try again").click();
-        harness.run();
-        // Without a graphics driver there is another reason now.
-        assert!(harness.query_by_label("the device was lost").is_none());
-    }
-}
+mod tests;

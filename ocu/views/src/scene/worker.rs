@@ -276,6 +276,14 @@ fn fitted(shapes: &[(Arc<Shapes>, Pose)]) -> Camera {
 }
 
 #[cfg(test)]
+impl Worker {
+    /// A worker without a thread, which gives these pictures.
+    pub(super) fn of(pictures: Receiver<Result<Picture, String>>) -> Self {
+        Self { requests: None, is_closed: Arc::default(), pictures, thread: None }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use egui::Color32;
@@ -283,7 +291,7 @@ mod tests {
     #[test]
     fn a_thread_that_has_ended_is_not_one_that_has_nothing_new() {
         let (sender, pictures) = channel();
-        let worker = Worker { requests: None, is_closed: Arc::default(), pictures, thread: None };
+        let worker = Worker::of(pictures);
         assert!(worker.take().is_none() && worker.wait(Duration::ZERO).is_none());
         drop(sender);
         assert!(matches!(worker.take(), Some(Err(_))));

@@ -6,6 +6,7 @@ mod compares;
 mod edits;
 mod hostile;
 mod log_lines;
+mod overlays;
 mod pictures;
 mod plans;
 mod projections;

@@ -6,18 +6,13 @@ use egui::{Theme, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
 #[test]
-fn a_scene_names_what_it_shows_and_is_old_and_its_menu_has_all_ages() {
+fn the_menu_of_a_scene_has_the_ages_of_all_layers() {
     let mut frame = samples::full();
     let old = samples::topic("/lidar/points", 10.0, 30.0, samples::cloud(&[[1.0, 2.0, 0.5]]));
     let others = frame.topics.iter().filter(|topic| topic.name != old.name).cloned();
     frame.topics = others.chain([old.clone()]).collect();
     let mut harness = harness(Shown::new("scene", frame), Vec2::new(900.0, 560.0), Theme::Dark);
     harness.run();
-    // Without a graphics driver nothing is shown.
-    if harness.query_by_label("The scene cannot be drawn").is_none() {
-        assert!(harness.query_by_label("/lidar/points: old, 30 s").is_some());
-        assert!(harness.query_by_label_contains("/wm1/map: old").is_none());
-    }
     harness.get_by_label("Layers").click();
     harness.run();
     assert!(harness.query_by_label("old: 30 s").is_some());
