@@ -32,7 +32,7 @@ pub(super) fn run(
         None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,
     };
     check_assets(args, files)?;
-    recorded.check(&asked, args.seed)?;
+    recorded.check(&asked, args.seed).map_err(refused)?;
     let base = stacks::options();
     let threads = args.threads.map_or(base.threads, usize::from);
     let options = RunOptions { threads, hash: true, ..base };
@@ -42,8 +42,8 @@ pub(super) fn run(
         Some(seconds) => recorded.start().after_ns((seconds * 1e9).round() as u64),
         None => Stamp::MAX,
     };
-    let run =
-        recorded.stepped(&asked, log.as_ref(), options).context("the recorded run cannot be repeated")?;
+    let run = recorded.stepped(&asked, log.as_ref(), options).map_err(refused);
+    let run = run.context("the recorded run cannot be repeated")?;
     let recording = args.record.as_deref().map(|path| record(args, &run, path)).transpose()?;
     let mut replay = Replay::new(recorded, run)?;
     let failure = replay.run_until(until).err().map(Into::into);
@@ -59,7 +59,8 @@ pub(super) fn run(
     Ok(if equal { ended } else { Ended::Failed })
 }
 
-/// A recording that holds no run, or only a part of one, is wrong usage: nothing has run yet.
+/// What is refused before anything has run is wrong usage: a recording that holds no run or only a part of one, and
+/// another stack, seed, parameter or log than the recorded one.
 fn refused(error: RunError) -> anyhow::Error {
     match error {
         RunError::Refused(text) => usage(text),

@@ -240,7 +240,7 @@ impl Window {
             }
             TopBarAction::Acknowledge(until) => {
                 if let Some(frame) = frame {
-                    self.known_alarms.know(frame.runs.current(), until);
+                    self.known_alarms.know(&frame.runs, until);
                 }
             }
             TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),

@@ -53,9 +53,9 @@ impl AlarmSound {
         self.is_off = !self.is_off;
     }
 
-    /// Silences the alarms of the viewed run up to now; later ones, and those of other runs, are heard.
+    /// Silences the alarms of the viewed run up to now; later ones, and those that only other runs have, are heard.
     pub(super) fn silence(&mut self, frame: &Frame) {
-        self.silenced.know(frame.runs.current(), newest(frame).unwrap_or_default());
+        self.silenced.know(&frame.runs, newest(frame).unwrap_or_default());
     }
 
     /// Whether this computer has nothing to play a sound with.

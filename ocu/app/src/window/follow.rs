@@ -1,4 +1,4 @@
-//! Follows a recording that is still being written: reads it again when its file has grown.
+//! Follows a recording that is still being written: reads it again when a file of it has grown or was added.
 //!
 //! Only files that were changed lately are watched, by a thread of its own, so that a file that does not grow costs no
 //! frame. It reads the less often the longer that takes. What it has read is shown where the old state was: at the
@@ -117,9 +117,14 @@ fn was_changed_lately(metadata: &Metadata) -> bool {
     metadata.is_file() && age.is_none_or(|age| age < FINISHED)
 }
 
-/// What the system says about the files of a recording.
+/// What the system says about the files of a recording: those that were named, or all of one that was split. Empty
+/// where none is found.
 fn metadata_of(recording: &Request) -> Vec<Metadata> {
-    recording.files().filter_map(|path| path.metadata().ok()).collect()
+    let files = match &recording.log {
+        Some(path) if recording.parts.is_empty() => crate::parts::of(path).unwrap_or_default(),
+        _ => recording.files().cloned().collect(),
+    };
+    files.iter().filter_map(|path| path.metadata().ok()).collect()
 }
 
 fn length_bytes(files: &[Metadata]) -> u64 {
@@ -132,4 +137,36 @@ fn read(recording: &Request, viewed: Stamp) -> anyhow::Result<Box<dyn Source>> {
     while source.idle() {}
     source.seek(viewed, &Task::default())?;
     Ok(source)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    #[test]
+    fn the_length_of_a_recording_is_that_of_all_its_files_however_they_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, bytes: usize| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, vec![0_u8; bytes]).unwrap();
+            path
+        };
+        let (first, second) = (file("drive_0.mcap", 10), file("drive_1.mcap", 200));
+        let lengths = || {
+            let named: [(PathBuf, Vec<PathBuf>); 4] = [
+                (second.clone(), Vec::new()),
+                (second.clone(), vec![first.clone()]),
+                (first.clone(), Vec::new()),
+                (folder.path().to_owned(), Vec::new()),
+            ];
+            named.map(|(log, parts)| {
+                length_bytes(&metadata_of(&Request { log: Some(log), parts, ..Request::default() }))
+            })
+        };
+        assert_eq!(lengths(), [200, 210, 210, 210]);
+        file("drive_2.mcap", 3_000);
+        assert_eq!(lengths(), [200, 210, 3_210, 3_210]);
+    }
 }

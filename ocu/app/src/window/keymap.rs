@@ -19,6 +19,8 @@ pub(super) struct Keymap {
     /// The keys that differ from the defaults, by the command's name in files.
     changed: BTreeMap<String, Vec<Shortcut>>,
     file: Option<PathBuf>,
+    /// Whether the file cannot be used. It is not written over until the user asks for the defaults.
+    is_unreadable: bool,
 }
 
 impl Keymap {
@@ -34,9 +36,9 @@ impl Keymap {
                 None
             }
             Err(error) => {
-                // A file that cannot be read is not written over.
-                keymap.file = None;
-                let text = "the keys that were changed cannot be used, and no change is kept";
+                keymap.is_unreadable = true;
+                let text = "the keys that were changed cannot be used, and no change is kept until the file \
+                            is mended, or set aside by The usual keys in the list of keys";
                 Some(format!("{text}: {error}: {shown}"))
             }
         };
@@ -60,9 +62,9 @@ impl Keymap {
         COMMANDS.iter().find(|entry| self.keys(entry).contains(&shortcut))
     }
 
-    /// Whether anything differs from the defaults.
-    pub(super) fn is_changed(&self) -> bool {
-        !self.changed.is_empty()
+    /// Whether there is anything to reset: keys that differ from the defaults, or a file that cannot be used.
+    pub(super) fn can_be_reset(&self) -> bool {
+        !self.changed.is_empty() || self.is_unreadable
     }
 
     /// Gives a command one key, which another command loses. The emergency stop keeps its key.
@@ -81,14 +83,22 @@ impl Keymap {
         self.save()
     }
 
-    /// Returns to the defaults.
+    /// Returns to the defaults. A file that cannot be used is kept with `.old` at the end of its name.
     pub(super) fn reset(&mut self) -> Result<(), String> {
         self.changed.clear();
+        if let Some(path) = self.file.as_ref().filter(|path| self.is_unreadable && path.exists()) {
+            let set_aside = std::fs::rename(path, path.with_extension("ron.old"));
+            set_aside.map_err(|error| format!("cannot be set aside: {error}: {}", path.display()))?;
+        }
+        self.is_unreadable = false;
         self.save()
     }
 
     fn save(&self) -> Result<(), String> {
         let Some(path) = &self.file else { return Ok(()) };
+        if self.is_unreadable {
+            return Err("not kept: keys.ron cannot be read".to_owned());
+        }
         let texts = |keys: &Vec<Shortcut>| keys.iter().map(ToString::to_string).collect::<Vec<_>>();
         let changed: BTreeMap<&String, Vec<String>> =
             self.changed.iter().map(|(id, keys)| (id, texts(keys))).collect();
@@ -172,21 +182,28 @@ mod tests {
         for (text, part) in [("{\"fly\": [\"L\"]}", "fly"), ("{\"play\": [\"hyper\"]}", "hyper"), ("}", "")] {
             std::fs::write(file.as_ref().unwrap(), text).unwrap();
             let (keymap, error) = Keymap::load(file.clone());
-            assert!(error.unwrap().contains(part) && !keymap.is_changed());
+            assert!(error.unwrap().contains(part) && keymap.changed.is_empty());
         }
     }
 
     #[test]
-    fn a_file_with_an_unknown_command_is_not_written_over() {
+    fn a_file_with_an_unknown_command_is_kept_until_the_usual_keys_set_it_aside() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("keys.ron");
         let text = "{\"fly\": [\"L\"], \"loop\": [\"F8\"]}";
         std::fs::write(&file, text).unwrap();
-        let (mut keymap, _) = Keymap::load(Some(file.clone()));
-        let play = entry_of(Command::PlayPause).unwrap();
-        keymap.set(play, Shortcut::parse("F9").unwrap()).unwrap();
+        let (mut keymap, error) = Keymap::load(Some(file.clone()));
+        assert!(keymap.can_be_reset() && error.unwrap().contains("The usual keys"));
+        let (play, f9) = (entry_of(Command::PlayPause).unwrap(), Shortcut::parse("F9").unwrap());
+        assert_eq!(keymap.set(play, f9).unwrap_err(), "not kept: keys.ron cannot be read");
         assert_eq!(keymap.text(Command::PlayPause), "F9");
         assert_eq!(std::fs::read_to_string(&file).unwrap(), text);
+
+        keymap.reset().unwrap();
+        assert_eq!(std::fs::read_to_string(dir.path().join("keys.ron.old")).unwrap(), text);
+        keymap.set(play, f9).unwrap();
+        let (again, error) = Keymap::load(Some(file));
+        assert_eq!((again.text(Command::PlayPause).as_str(), error), ("F9", None));
     }
 
     #[test]

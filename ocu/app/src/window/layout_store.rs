@@ -2,6 +2,7 @@
 //! ones. They are written after every change by a thread of their own, so that they survive a crash.
 
 use super::notices::{Matter, Notices};
+use crate::assets::read_text;
 use crate::bundled;
 use crate::layout::Layout;
 use crate::say;
@@ -61,8 +62,11 @@ fn file_name(name: &str) -> String {
 /// The name of the layout in a file: the one that is written in it, or that of the file if it cannot be read. `None` for
 /// a file that no layout with that name would have.
 fn name_of(path: &Path) -> Option<String> {
+    if path.extension().is_none_or(|extension| extension != "ron") {
+        return None;
+    }
     let stem = path.file_stem()?.to_string_lossy().into_owned();
-    let written = std::fs::read_to_string(path).ok().and_then(|text| Layout::name_in(&text));
+    let written = read_text(path).ok().and_then(|text| Layout::name_in(&text));
     let mut names = written.into_iter().chain([stem]);
     names.find(|name| path.file_name().is_some_and(|file| file == file_name(name).as_str()))
 }
@@ -93,7 +97,8 @@ impl LayoutStore {
     pub(super) fn load(&self, name: &str, notices: &mut Notices) -> Option<Layout> {
         let path = self.path(name).filter(|path| path.exists())?;
         match Layout::load(&path) {
-            Ok(layout) => Some(layout),
+            // A file from before may have another name written in it.
+            Ok(layout) => Some(Layout { name: name.to_owned(), ..layout }),
             Err(error) => {
                 let text = format!("the arrangement that was kept cannot be used: {}", say(&error));
                 notices.error(Matter::Layout, text);
@@ -173,5 +178,28 @@ mod tests {
         for name in ["world_model", "world model", "a_b"] {
             assert_eq!(again.load(name, &mut notices).map(|layout| layout.name).as_deref(), Some(name));
         }
+    }
+
+    #[test]
+    fn a_file_with_another_name_written_in_it_has_the_name_that_was_asked_for() {
+        let dir = tempfile::tempdir().unwrap();
+        let written = Layout { name: "world model".to_owned(), ..Layout::empty() };
+        written.save(&dir.path().join("world_model.ron")).unwrap();
+        let store = LayoutStore::new(Some(dir.path().to_owned()));
+        let loaded = store.load("world_model", &mut Notices::default());
+        assert_eq!(loaded, Some(Layout { name: "world_model".to_owned(), ..written }));
+    }
+
+    #[test]
+    fn a_pipe_among_the_layouts_does_not_block_the_start() {
+        let dir = tempfile::tempdir().unwrap();
+        let mine = Layout { name: "mine".to_owned(), ..Layout::empty() };
+        mine.save(&dir.path().join("mine.ron")).unwrap();
+        for name in ["notes", "pipe.ron"] {
+            // Where there is no such program, there is no pipe.
+            let _ = std::process::Command::new("mkfifo").arg(dir.path().join(name)).status();
+        }
+        let store = LayoutStore::new(Some(dir.path().to_owned()));
+        assert_eq!(store.own_names().first().map(String::as_str), Some("mine"));
     }
 }

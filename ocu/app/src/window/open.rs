@@ -271,9 +271,7 @@ impl Recent {
     fn add(&mut self, request: &Request) {
         let Some(mut recording) = request.recording() else { return };
         for path in recording.log.iter_mut().chain(&mut recording.parts) {
-            let absolute = std::path::absolute(path.as_path()).unwrap_or_else(|_| path.clone());
-            // Without a slash at the end of a folder.
-            *path = absolute.components().collect();
+            *path = std::path::absolute(path.as_path()).unwrap_or_else(|_| path.clone());
         }
         self.recordings.retain(|known| *known != recording);
         self.recordings.insert(0, recording);
@@ -395,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recent_recording_has_all_files_that_were_named_and_a_folder_is_listed_once() {
+    fn a_recent_recording_has_all_files_that_were_named() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("recent.txt");
         let mut recent = Recent::load(Some(file.clone()));
@@ -405,10 +403,6 @@ mod tests {
             ..Request::default()
         };
         recent.add(&Request { seed: 3, ..named.clone() });
-        let folder = |path: &str| Request { log: Some(path.into()), ..Request::default() };
-        recent.add(&folder("/logs/drive"));
-        recent.add(&folder("/logs/drive/"));
-        assert_eq!(std::fs::read_to_string(&file).unwrap().lines().next(), Some("/logs/drive"));
-        assert_eq!(Recent::load(Some(file)).recordings, [folder("/logs/drive"), named]);
+        assert_eq!(Recent::load(Some(file)).recordings, [named]);
     }
 }

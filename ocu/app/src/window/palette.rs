@@ -214,7 +214,7 @@ impl KeyList {
             (None, Some(_)) => ui.label("Press the new key."),
             (None, None) => ui.label(RichText::new("Click a key to change it.").small().color(weak)),
         };
-        if keymap.is_changed() && ui.small_button("The usual keys").clicked() {
+        if keymap.can_be_reset() && ui.small_button("The usual keys").clicked() {
             self.refused = keymap.reset().err();
         }
     }
