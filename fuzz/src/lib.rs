@@ -77,7 +77,8 @@ pub fn field_scanner(input: &[u8]) {
     check_scanner(&target.schema, &target.paths, &Bytes::from(message));
 }
 
-/// A definition is parsed or refused, a message decodes or is refused, and the scanner agrees with the tree.
+/// A definition is parsed or refused, a message of ROS 2 or ROS 1 decodes or is refused, and the scanner agrees with the
+/// tree.
 ///
 /// # Panics
 /// If they differ.
@@ -93,7 +94,9 @@ pub fn cdr(input: &[u8]) {
         let edited = edited(definition.as_bytes(), &rest[..at]);
         (String::from_utf8_lossy(&edited).into_owned(), rest[at..].to_vec())
     };
-    let schema = Arc::new(Schema::new(name, MessageEncoding::Cdr, "ros2msg", Bytes::from(definition)));
+    let (encoding, language) =
+        if how & 2 == 0 { (MessageEncoding::Cdr, "ros2msg") } else { (MessageEncoding::Ros1, "ros1msg") };
+    let schema = Arc::new(Schema::new(name, encoding, language, Bytes::from(definition)));
     let paths: Vec<FieldPath> = paths.iter().filter_map(|path| path.parse().ok()).collect();
     check_scanner(&schema, &paths, &Bytes::from(message));
 }
@@ -225,7 +228,7 @@ fn messages() -> [AnyMessage; 4] {
     ]
 }
 
-/// ROS 2 definitions with every kind of field, each with paths.
+/// ROS 2 definitions with every kind of field, each with paths; also read as definitions of ROS 1.
 const ROS: [(&str, &str, &[&str]); 5] = [
     (
         "sensor_msgs/msg/PointCloud2",

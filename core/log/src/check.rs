@@ -2,7 +2,7 @@
 
 use crate::catalog::Problems;
 use crate::info::Lost;
-use crate::record::{Head, index_entries, indexed_messages, op};
+use crate::record::{Head, first_index_entries, indexed_messages, op};
 use crate::segment::{Damage, Decoded, INDEX_LIMIT, MessageRef, Tally, decode};
 use crate::source::Source;
 use crate::summary::Contents;
@@ -128,8 +128,8 @@ fn indexed(source: &Source, indexes: Option<&Indexes>, messages: &[MessageRef]) 
     let Some(indexes) = indexes else { return (0, 0) };
     let (mut own, mut skipped) = (indexes.count, 0);
     for index in &indexes.doubtful {
-        let body = (index.body <= INDEX_LIMIT).then(|| source.read(index.start, index.body as usize));
-        if body.is_some_and(|body| body.is_ok_and(|body| is_index_of(&body, messages))) {
+        let front = source.read(index.start, index.body.min(INDEX_LIMIT) as usize);
+        if front.is_ok_and(|front| is_index_of(&front, messages)) {
             own += index.count;
         } else {
             skipped += index.count;
@@ -138,10 +138,10 @@ fn indexed(source: &Source, indexes: Option<&Indexes>, messages: &[MessageRef]) 
     (own, skipped)
 }
 
-/// Whether a message index with this body lists one of the messages, which are in file order.
-fn is_index_of(body: &[u8], messages: &[MessageRef]) -> bool {
-    let Some((channel, _)) = indexed_messages(body) else { return false };
-    index_entries(body).any(|(time, offset)| {
+/// Whether a message index lists one of the messages, which are in file order, in this front of its body.
+fn is_index_of(front: &[u8], messages: &[MessageRef]) -> bool {
+    let Some((channel, _)) = indexed_messages(front) else { return false };
+    first_index_entries(front).any(|(time, offset)| {
         let at = messages.binary_search_by_key(&offset, |message| u64::from(message.offset));
         at.is_ok_and(|at| messages[at].time == time && messages[at].channel == channel)
     })

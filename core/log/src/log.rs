@@ -112,21 +112,26 @@ impl Log {
     }
 
     fn from_source(source: Source, by_index: bool) -> Result<Self, LogError> {
-        let mut most = CHECKED_WHOLE;
-        let opened = Self::open_source(&source, by_index, &mut most)?;
+        let mut left_to_check = CHECKED_WHOLE;
+        let opened = Self::open_source(&source, by_index, &mut left_to_check)?;
         let gaps = gaps(&source, &opened.contents.segments)?;
         Ok(Self::new(source, opened, gaps, Parts::default()))
     }
 
-    /// Opens a file. If its size, compressed and uncompressed, is at most `most`, it is checked, and `most` is reduced by it.
-    pub(crate) fn open_source(source: &Source, by_index: bool, most: &mut u64) -> Result<Opened, LogError> {
+    /// Opens a file. If its size, compressed and uncompressed, is at most `left_to_check` bytes, it is checked, and
+    /// `left_to_check` is reduced by it.
+    pub(crate) fn open_source(
+        source: &Source,
+        by_index: bool,
+        left_to_check: &mut u64,
+    ) -> Result<Opened, LogError> {
         let front = source.read(0, source.length().min(MAGIC.len() as u64) as usize)?;
         if front != MAGIC.as_slice() {
             return Err(LogError::NotALog { got: what_begins(&front), path: source.path().to_owned() });
         }
         if by_index {
             match summary::read(source)? {
-                Ok(summary) => open_with(source, &summary, most),
+                Ok(summary) => open_with(source, &summary, left_to_check),
                 Err(why) => open_by_scan(source, None, why),
             }
         } else {
@@ -346,13 +351,13 @@ pub(crate) fn place_of(segment: u32, message: MessageRef) -> MessagePosition {
     MessagePosition { time: Stamp(message.time), segment, offset: message.offset + 1 }
 }
 
-fn open_with(source: &Source, summary: &Summary, most: &mut u64) -> Result<Opened, LogError> {
+fn open_with(source: &Source, summary: &Summary, left_to_check: &mut u64) -> Result<Opened, LogError> {
     let mut verified = 0;
     let contents = match summary::contents(source, summary)? {
         Ok(contents) => contents,
         Err(why) => return open_by_scan(source, Some(summary), why),
     };
-    if source.length() <= *most {
+    if source.length() <= *left_to_check {
         // The sizes in the index are checked first, because they decide whether the rest is checked, too.
         for segment in &contents.segments {
             if stated_size(source, segment)? != Some(segment.contents) {
@@ -361,12 +366,12 @@ fn open_with(source: &Source, summary: &Summary, most: &mut u64) -> Result<Opene
             }
         }
         let size = contents.segments.iter().fold(0u64, |sum, segment| sum.saturating_add(segment.contents));
-        if size <= *most {
+        if size <= *left_to_check {
             if let Some(why) = check_whole(source, &contents, summary)? {
                 return open_by_scan(source, Some(summary), why);
             }
             verified = contents.segments.len() as u64;
-            *most -= size.max(source.length());
+            *left_to_check -= size.max(source.length());
         }
     }
     Ok(Opened { contents, verified, ..Opened::default() })

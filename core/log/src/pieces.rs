@@ -8,7 +8,9 @@ use crate::cursor::CursorOptions;
 use crate::error::LogError;
 use crate::info::{MessagePosition, TopicId};
 use crate::log::{Log, place_of};
-use crate::record::{HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, index_entries, indexed_messages, op};
+use crate::record::{
+    HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, index_entries, indexed_messages, is_filled_by_index, op,
+};
 use crate::segment::{INDEX_LIMIT, MessageRef};
 use rcs_msg::Stamp;
 
@@ -97,13 +99,25 @@ impl Log {
         let (mut at, mut is_indexed) = (segment.end(), false);
         loop {
             let left = inner.source.length().saturating_sub(at);
+            if left == 0 {
+                break;
+            }
             let front = inner.source.read(at, left.min(PROBE as u64) as usize)?;
-            let Some(head) = Head::read(&front).filter(|head| head.op == op::MESSAGE_INDEX) else { break };
-            if !head.plausible(&front[HEAD..]) || head.length() > left || head.body > INDEX_LIMIT {
+            let body = front.get(HEAD..).unwrap_or_default();
+            let head = Head::read(&front).filter(|head| head.plausible(body) && head.length() <= left);
+            let Some(head) = head else { return Ok(false) };
+            if head.op != op::MESSAGE_INDEX {
+                // The indexes end here, unless this is one whose opcode is damaged.
+                if is_filled_by_index(body, head.body) {
+                    return Ok(false);
+                }
+                break;
+            }
+            if head.body > INDEX_LIMIT {
                 return Ok(false);
             }
             is_indexed = true;
-            let channel = indexed_messages(&front[HEAD..]).map_or(0, |(channel, _)| channel);
+            let channel = indexed_messages(body).map_or(0, |(channel, _)| channel);
             let channel = channels.map_or(Some(channel), |channels| channels.get(&channel).copied());
             if let Some(channel) = channel
                 && options.topics.as_ref().is_none_or(|topics| topics.contains(&TopicId(channel)))

@@ -164,10 +164,28 @@ pub(crate) fn indexed_messages(front: &[u8]) -> Option<(u16, u64)> {
 pub(crate) fn index_entries(body: &[u8]) -> impl Iterator<Item = (u64, u64)> {
     let mut fields = Fields(body);
     let entries = fields.u16().and(fields.u32()).and_then(|bytes| fields.take(bytes as usize));
-    entries.unwrap_or_default().chunks_exact(16).filter_map(|entry| {
+    entries_of(entries.unwrap_or_default())
+}
+
+/// Like [`index_entries`], of the entries that the front of a body holds.
+pub(crate) fn first_index_entries(front: &[u8]) -> impl Iterator<Item = (u64, u64)> {
+    let mut fields = Fields(front);
+    let bytes = fields.u16().and(fields.u32()).unwrap_or_default() as usize;
+    let rest = fields.0;
+    entries_of(&rest[..bytes.min(rest.len())])
+}
+
+fn entries_of(entries: &[u8]) -> impl Iterator<Item = (u64, u64)> {
+    entries.chunks_exact(16).filter_map(|entry| {
         let mut fields = Fields(entry);
         Some((fields.u64()?, fields.u64()?))
     })
+}
+
+/// Whether a body of this length has the form of a message index, whatever the opcode of its record: its entries fill it.
+/// `front` is its start.
+pub(crate) fn is_filled_by_index(front: &[u8], body: u64) -> bool {
+    indexed_messages(front).is_some_and(|(_, count)| body == 6 + 16 * count)
 }
 
 /// The start of a chunk's body.

@@ -16,7 +16,7 @@ pub(crate) const SEGMENT_LIMIT: u64 = 192 << 20;
 const PIECEWISE_FROM: u64 = 16 << 20;
 /// Contents that are larger than their chunk states are read up to this size, because the stated size may be damaged.
 const WRONG_SIZE_LIMIT: usize = 64 << 20;
-/// Greatest size of message indexes that are read.
+/// Greatest size of message indexes that are read as a whole.
 pub(crate) const INDEX_LIMIT: u64 = 1 << 20;
 
 /// Position and content of a segment.

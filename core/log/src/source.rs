@@ -12,9 +12,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Greatest number of files of a split log that are open at a time: the system limits those of a process, often to 1024.
 const MOST_OPEN: usize = 256;
 
-/// Device and inode number of a file.
-type FileId = (u64, u64);
-
 /// Read-only bytes with a length that is fixed when they are opened.
 #[derive(Debug)]
 pub(crate) struct Source {
@@ -27,7 +24,7 @@ pub(crate) struct Source {
 enum Medium {
     File(File),
     /// A file of a split log.
-    Pooled(Arc<Pool>, FileId),
+    Pooled(Arc<Pool>, PooledFile),
     Memory(Bytes),
     /// Files one after another, with the position of the first byte of each.
     Parts(Vec<(u64, Source)>),
@@ -40,11 +37,13 @@ impl Source {
         Ok(Self { bytes: Medium::File(file), length: metadata.len(), path: path.to_owned() })
     }
 
-    /// A file of a split log, which the pool opens again where it has closed it.
-    pub(crate) fn open_in(pool: &Arc<Pool>, path: &Path) -> Result<Self, LogError> {
+    /// The file of a split log with this position among its files. The pool opens it again where it has closed it.
+    pub(crate) fn open_in(pool: &Arc<Pool>, part: usize, path: &Path) -> Result<Self, LogError> {
         let failed = |source| LogError::Open { path: path.to_owned(), source };
-        let (_, id, length) = pool.open(path).map_err(failed)?;
-        Ok(Self { bytes: Medium::Pooled(Arc::clone(pool), id), length, path: path.to_owned() })
+        let (file, metadata) = open_regular(path).map_err(failed)?;
+        pool.keep(part, file);
+        let (pooled, length) = (PooledFile::new(part, &metadata), metadata.len());
+        Ok(Self { bytes: Medium::Pooled(Arc::clone(pool), pooled), length, path: path.to_owned() })
     }
 
     /// Files one after another; each begins at its position.
@@ -79,8 +78,8 @@ impl Source {
     pub(crate) fn read_into(&self, offset: u64, into: &mut [u8]) -> Result<(), LogError> {
         let result = match &self.bytes {
             Medium::File(file) => file.read_exact_at(into, offset),
-            Medium::Pooled(pool, id) => {
-                pool.file(*id, &self.path).and_then(|file| file.read_exact_at(into, offset))
+            Medium::Pooled(pool, known) => {
+                pool.file(known, &self.path).and_then(|file| file.read_exact_at(into, offset))
             }
             Medium::Parts(parts) => return read_parts(parts, offset, into),
             Medium::Memory(bytes) => {
@@ -130,7 +129,20 @@ fn open_regular(path: &Path) -> io::Result<(File, Metadata)> {
 #[derive(Debug)]
 pub(crate) struct Pool {
     most: usize,
-    open: Mutex<VecDeque<(FileId, Arc<File>)>>,
+    /// With their positions among the files of the log.
+    open: Mutex<VecDeque<(usize, Arc<File>)>>,
+}
+
+/// A file of a pool, as it was when it was opened first.
+#[derive(Debug)]
+struct PooledFile {
+    /// Its position among the files of the log.
+    part: usize,
+    length: u64,
+    /// Device and inode number.
+    id: (u64, u64),
+    /// Time of the last modification: seconds and nanoseconds.
+    modified: (i64, i64),
 }
 
 impl Default for Pool {
@@ -139,29 +151,53 @@ impl Default for Pool {
     }
 }
 
+impl PooledFile {
+    fn new(part: usize, metadata: &Metadata) -> Self {
+        Self {
+            part,
+            length: metadata.len(),
+            id: (metadata.dev(), metadata.ino()),
+            modified: (metadata.mtime(), metadata.mtime_nsec()),
+        }
+    }
+
+    /// Refuses another file: one that differs in inode number and in time, or is shorter. A difference of one of the two
+    /// is none: some file systems give a file a new inode number, and a file that is still written has a new time.
+    fn check(&self, found: &Self) -> io::Result<()> {
+        if found.id != self.id && found.modified != self.modified {
+            return Err(io::Error::other("another file has taken its place"));
+        }
+        if found.length < self.length {
+            let (got, known) = (found.length, self.length);
+            return Err(io::Error::other(format!("the file has {got} bytes, expected at least {known}")));
+        }
+        Ok(())
+    }
+}
+
 impl Pool {
-    /// Opens a file; returns it with its identity and its length.
-    fn open(&self, path: &Path) -> io::Result<(Arc<File>, FileId, u64)> {
-        let (file, metadata) = open_regular(path)?;
-        let (file, id) = (Arc::new(file), (metadata.dev(), metadata.ino()));
+    /// Keeps a file open, and closes the one that was opened first if there are too many.
+    fn keep(&self, part: usize, file: File) -> Arc<File> {
+        let file = Arc::new(file);
         let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         if open.len() >= self.most {
             open.pop_front();
         }
-        open.push_back((id, Arc::clone(&file)));
-        Ok((file, id, metadata.len()))
+        open.push_back((part, Arc::clone(&file)));
+        file
     }
 
-    /// The file with this identity, opened again if it was closed; an error if another one is at its path by then.
-    fn file(&self, id: FileId, path: &Path) -> io::Result<Arc<File>> {
+    /// The file of a part, opened again if it was closed; an error if another one is at its path by then.
+    fn file(&self, known: &PooledFile, path: &Path) -> io::Result<Arc<File>> {
         let open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
-        let held = open.iter().find(|(other, _)| *other == id).map(|(_, file)| Arc::clone(file));
+        let held = open.iter().find(|(part, _)| *part == known.part).map(|(_, file)| Arc::clone(file));
         drop(open);
         if let Some(file) = held {
             return Ok(file);
         }
-        let (file, found, _) = self.open(path)?;
-        if found == id { Ok(file) } else { Err(io::Error::other("another file has taken its place")) }
+        let (file, metadata) = open_regular(path)?;
+        known.check(&PooledFile::new(known.part, &metadata))?;
+        Ok(self.keep(known.part, file))
     }
 }
 
@@ -251,6 +287,7 @@ impl<'a> Window<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::SystemTime;
 
     #[test]
     fn of_many_files_few_are_open_and_each_is_read_as_the_one_that_it_was() {
@@ -262,14 +299,40 @@ mod tests {
         };
         let pool = Arc::new(Pool { most: 2, ..Pool::default() });
         let paths: Vec<PathBuf> = (0..4).map(|part| file(&format!("drive_{part}.mcap"), part)).collect();
-        let sources: Vec<Source> = paths.iter().map(|path| Source::open_in(&pool, path).unwrap()).collect();
+        let opened = paths.iter().enumerate().map(|(part, path)| Source::open_in(&pool, part, path));
+        let sources: Vec<Source> = opened.map(Result::unwrap).collect();
+        let open = || -> Vec<usize> { pool.open.lock().unwrap().iter().map(|(part, _)| *part).collect() };
         for (content, source) in (0..4u8).zip(&sources).cycle().take(8) {
             assert_eq!(source.read(0, 1).unwrap()[..], [content]);
-            assert_eq!(pool.open.lock().unwrap().len(), 2);
+            assert_eq!(open().len(), 2);
         }
-        // A file that is closed is replaced.
-        std::fs::rename(file("other.mcap", 9), &paths[0]).unwrap();
-        let error = sources[0].read(0, 1).unwrap_err().to_string();
-        assert!(error.contains("another file has taken its place"), "{error}");
+        let set_modified = |path: &Path, to: SystemTime| {
+            File::options().write(true).open(path).unwrap().set_modified(to).unwrap();
+        };
+        // A closed file grows.
+        std::fs::write(&paths[0], [0u8, 7]).unwrap();
+        set_modified(&paths[0], SystemTime::UNIX_EPOCH);
+        assert_eq!(sources[0].read(0, 1).unwrap()[..], [0]);
+        // A closed file gets another inode number.
+        let modified = paths[1].metadata().unwrap().modified().unwrap();
+        let again = file("again.mcap", 1);
+        set_modified(&again, modified);
+        std::fs::rename(again, &paths[1]).unwrap();
+        assert_eq!(sources[1].read(0, 1).unwrap()[..], [1]);
+        assert_eq!(open(), [0, 1]);
+        // A closed file is replaced, and another one becomes shorter: neither takes the place of an open one.
+        let other = file("other.mcap", 9);
+        set_modified(&other, SystemTime::UNIX_EPOCH);
+        std::fs::rename(other, &paths[2]).unwrap();
+        std::fs::write(&paths[3], "").unwrap();
+        for (part, expect) in [
+            (2, "another file has taken its place"),
+            (2, "another file has taken its place"),
+            (3, "the file has 0 bytes, expected at least 1"),
+        ] {
+            let error = sources[part].read(0, 1).unwrap_err().to_string();
+            assert!(error.contains(expect), "{error}");
+            assert_eq!(open(), [0, 1]);
+        }
     }
 }

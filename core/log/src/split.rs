@@ -27,16 +27,17 @@ impl Log {
     /// together, as many as have at most so many bytes uncompressed.
     fn open_parts_checking(paths: &[impl AsRef<Path>], most: u64) -> Result<Self, LogError> {
         let pool = Arc::new(Pool::default());
-        let opened = paths.iter().map(|path| Source::open_in(&pool, path.as_ref()));
+        let opened = paths.iter().enumerate().map(|(part, path)| Source::open_in(&pool, part, path.as_ref()));
         let files = opened.collect::<Result<Vec<_>, _>>()?;
-        let mut unchecked = if files.iter().map(Source::length).sum::<u64>() <= most { most } else { 0 };
+        let bytes: u64 = files.iter().map(Source::length).sum();
+        let mut left_to_check = if bytes <= most { most } else { 0 };
         let mut whole = Opened::default();
         let mut parts = Vec::new();
         let mut sources = Vec::new();
         let mut start = 0;
         let (mut has_log, mut refused) = (false, None);
         for source in files {
-            let opened = match Self::open_source(&source, true, &mut unchecked) {
+            let opened = match Self::open_source(&source, true, &mut left_to_check) {
                 Err(LogError::NotALog { got, path }) => {
                     let unread = Opened::unread(source.length(), &got);
                     refused = refused.or(Some(LogError::NotALog { got, path }));

@@ -16,9 +16,9 @@ pub(crate) fn canonical(message: &AnyMessage) -> Option<AnyMessage> {
     rcs_msg::canonical(&message.schema(), &message.bytes())?.ok()
 }
 
-/// When what a log's message tells was acquired: the sensor's own stamp (that of the message, or of its ROS 2 header), else
-/// the time of publication, else the log time. A ROS 2 recording states no time of publication of its own: it repeats the
-/// log time, by which a message may be late.
+/// When what a log's message tells was acquired: the sensor's own stamp (that of the message, or of its ROS header), else
+/// the time of publication, else the log time. A recording of ROS states no time of publication of its own: it repeats
+/// the log time, by which a message may be late.
 ///
 /// A time of 0 counts as absent, because many writers leave it so. Known flaw: so does the stamp of a message that was
 /// acquired at 0 exactly. Of a simulation that begins at 0, publication and log time are near 0 as well.

@@ -4,16 +4,20 @@ use crate::usage;
 use std::path::{Path, PathBuf};
 
 /// The files of the recording at a path: those of a folder; with a file whose name ends with the number 0, those whose
-/// names continue it; else the file alone.
+/// names continue it; else the file alone. An error if one of them is there in compressed form only.
 pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
-        return Ok(continued(path));
+        return continued(path);
     }
     let entries = std::fs::read_dir(path).map_err(|error| usage(format!("{error}: {}", path.display())))?;
     let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    let is_compressed = files.iter().any(|file| {
-        has_ending(file, "zstd") && file.file_stem().is_some_and(|stem| has_ending(Path::new(stem), "mcap"))
-    });
+    let is_compressed = |file: &&PathBuf| {
+        let unpacked = file.with_extension("");
+        has_ending(file, "zstd") && has_ending(&unpacked, "mcap") && !unpacked.is_file()
+    };
+    if let Some(file) = files.iter().filter(is_compressed).min() {
+        return Err(compressed(file));
+    }
     files.retain(|file| has_ending(file, "mcap"));
     let mut numbered: Vec<(Option<(String, u64)>, PathBuf)> =
         files.into_iter().map(|file| (number(&file), file)).collect();
@@ -22,10 +26,6 @@ pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let are_parts =
         numbered.windows(2).all(|pair| stem(&pair[0]).is_some() && stem(&pair[0]) == stem(&pair[1]));
     match numbered.len() {
-        0 if is_compressed => Err(usage(format!(
-            "the folder has no .mcap file, but compressed ones (.mcap.zstd), which `zstd -d` unpacks: {}",
-            path.display()
-        ))),
         0 => Err(usage(format!("the folder has no .mcap file: {}", path.display()))),
         _ if !are_parts => Err(usage(format!(
             "the folder has several recordings; expected the parts of one, as NAME_0.mcap and NAME_1.mcap, or the path \
@@ -37,20 +37,31 @@ pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// A file, and the files that continue it if it is the first part of a recording.
-fn continued(first: &Path) -> Vec<PathBuf> {
+fn continued(first: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = vec![first.to_owned()];
-    let Some((stem, 0)) = number(first) else { return files };
+    let Some((stem, 0)) = number(first) else { return Ok(files) };
     let name = first.file_stem().unwrap_or_default().to_string_lossy();
     let width = name.len() - stem.len() - 1;
     let extension = first.extension().unwrap_or_default().to_string_lossy();
     for number in 1.. {
-        let next = first.with_file_name(format!("{stem}_{number:0width$}.{extension}"));
-        if !next.is_file() {
+        let name = format!("{stem}_{number:0width$}.{extension}");
+        let (next, packed) = (first.with_file_name(&name), first.with_file_name(format!("{name}.zstd")));
+        if next.is_file() {
+            files.push(next);
+        } else if packed.is_file() {
+            return Err(compressed(&packed));
+        } else {
             break;
         }
-        files.push(next);
     }
-    files
+    Ok(files)
+}
+
+fn compressed(file: &Path) -> anyhow::Error {
+    usage(format!(
+        "a file of the recording is compressed, expected what `zstd -d` unpacks: {}",
+        file.display()
+    ))
 }
 
 fn has_ending(file: &Path, ending: &str) -> bool {
@@ -82,9 +93,22 @@ mod tests {
             paths.iter().map(|path| path.file_name().unwrap().to_string_lossy().into_owned()).collect()
         };
         assert!(of(folder.path()).unwrap_err().to_string().contains("no .mcap file: "));
-        let compressed = file("drive_0.mcap.zstd");
-        assert!(of(folder.path()).unwrap_err().to_string().contains("(.mcap.zstd), which `zstd -d` unpacks"));
-        std::fs::remove_file(compressed).unwrap();
+        let expect_compressed = |path: &Path, name: &str| {
+            let error = of(path).unwrap_err().to_string();
+            assert!(error.contains("is compressed, expected what `zstd -d` unpacks: "), "{error}");
+            assert!(error.ends_with(name), "{error}");
+        };
+        file("drive_0.mcap.zstd");
+        expect_compressed(folder.path(), "drive_0.mcap.zstd");
+        // rosbag2 that is killed leaves its last file as it is.
+        file("drive_1.mcap.zstd");
+        let last = file("drive_2.mcap");
+        expect_compressed(folder.path(), "drive_0.mcap.zstd");
+        assert_eq!(names(of(&last).unwrap()), ["drive_2.mcap"]);
+        let first = file("drive_0.mcap");
+        expect_compressed(folder.path(), "drive_1.mcap.zstd");
+        expect_compressed(&first, "drive_1.mcap.zstd");
+        // Compressed files may stay beside what was unpacked.
         let paths: Vec<PathBuf> = (0..12).map(|part| file(&format!("drive_{part}.mcap"))).collect();
         file("metadata.yaml");
         let wanted: Vec<String> = (0..12).map(|part| format!("drive_{part}.mcap")).collect();

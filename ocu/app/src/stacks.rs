@@ -185,7 +185,7 @@ fn beside(recording: &Path, identity: &str) -> anyhow::Result<Log> {
     // A file may be the first part of a recording, and may have been read alone.
     let readings = |path: &PathBuf| {
         let parts = parts::of(path).unwrap_or_default();
-        let alone = (parts.len() > 1).then(|| vec![path.clone()]);
+        let alone = (parts.len() != 1).then(|| vec![path.clone()]);
         (!parts.is_empty()).then_some(parts).into_iter().chain(alone)
     };
     for files in paths.iter().filter(|path| is_log(path)).take(MOST_LOGS).flat_map(readings) {

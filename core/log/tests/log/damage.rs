@@ -5,6 +5,8 @@ use bytes::Bytes;
 use proptest::prelude::*;
 use rcs_log::{CursorOptions, Log, LogError, Lost, WriterOptions};
 use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
 
 fn compressed() -> Option<Bytes> {
     let data = rcs_testkit::data_dir()?;
@@ -20,6 +22,11 @@ fn records(log: &[u8]) -> Vec<(usize, u8)> {
         at += 9 + u64::from_le_bytes(log[at + 1..at + 9].try_into().unwrap()) as usize;
     }
     found
+}
+
+/// Offsets of its message indexes.
+fn message_indexes(log: &[u8]) -> Vec<usize> {
+    records(log).into_iter().filter(|(_, op)| *op == MESSAGE_INDEX).map(|(at, _)| at).collect()
 }
 
 const MESSAGE: u8 = 0x05;
@@ -209,6 +216,50 @@ fn a_damaged_message_index_leaves_the_indexes_after_it_to_their_chunk() {
     let info = log.info();
     assert!(info.lost.messages > 0, "{:?}", info.problems);
     assert_eq!(info.messages + info.lost.messages, 90, "{:?}", info.problems);
+}
+
+#[test]
+fn an_index_of_any_size_after_a_damaged_one_belongs_to_its_chunk() {
+    // The second index is larger than what is read of it.
+    let frequent = (0..70_000).map(|index| (1, 1001 + index, 0));
+    let messages: Vec<(usize, u64, usize)> = [(0, 1000, 0)].into_iter().chain(frequent).collect();
+    let clock: rcs_log::Clock = Arc::new(|| Duration::ZERO);
+    let bytes = log_of(&messages, WriterOptions { chunk_bytes: 64 << 20, clock, ..WriterOptions::default() });
+    let indexes = message_indexes(&bytes);
+    assert_eq!(indexes.len(), 2);
+    let log = with_opcode(&bytes, indexes[0], 0x47);
+    let info = log.info();
+    assert_eq!((info.messages, info.lost.messages), (70_001, 0), "{:?}", info.problems);
+    assert!(info.lost.bytes > 0, "{:?}", info.problems);
+}
+
+#[test]
+fn times_are_not_read_by_the_indexes_of_a_chunk_one_of_which_is_damaged() {
+    let messages: Vec<(usize, u64, usize)> =
+        (0..30).map(|index| (index % 3, 1000 + index as u64, 5)).collect();
+    let bytes = log_of(&messages, WriterOptions::default());
+    let options = CursorOptions::default();
+    // Whether the pieces are read by their indexes, and the number of times that are told.
+    let read = |bytes: &[u8]| {
+        let log = Log::from_bytes(Bytes::copy_from_slice(bytes)).unwrap();
+        let mut told = 0;
+        let pieces = log.pieces(&options);
+        let by_index = |piece| log.read_times(piece, &options, |_, _| told += 1).unwrap();
+        (pieces.iter().map(by_index).collect::<Vec<_>>(), told)
+    };
+    assert_eq!(read(&bytes), (vec![true], 30));
+    let indexes = message_indexes(&bytes);
+    assert_eq!(indexes.len(), 3);
+    for at in indexes {
+        // Each bit of its opcode, and one of its length.
+        for (place, bit) in (0..8).map(|bit| (at, bit)).chain([(at + 1, 0)]) {
+            let mut damaged = bytes.to_vec();
+            damaged[place] ^= 1 << bit;
+            let (by_index, told) = read(&damaged);
+            assert!(!by_index.contains(&true), "byte {place}, bit {bit}");
+            assert_eq!(told, 0, "byte {place}, bit {bit}");
+        }
+    }
 }
 
 #[test]

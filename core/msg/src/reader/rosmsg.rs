@@ -14,6 +14,8 @@ use std::fmt::Write;
 /// A deeper nesting is refused; the deepest common message has 6 levels.
 const MAX_DEPTH: usize = 32;
 const MAX_FIXED_LENGTH: usize = 1 << 24;
+/// A definition of ROS 1 with more fields that take no bytes is refused.
+const MAX_EMPTY_FIELDS: usize = 100;
 
 /// How the values of a message follow each other: see `ros.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,11 +138,14 @@ impl Layout {
                 expected: "at most 32 levels",
             });
         }
-        layout.without_empty_messages().map_err(|got| LayoutError {
-            message: name.to_owned(),
-            got,
-            expected: "elements that take at least one byte",
-        })?;
+        if wire == Wire::Ros1 {
+            let reached = (0..depths.len()).filter(|&message| depths[message].is_some()).collect();
+            layout.without_empty_messages(reached).map_err(|(got, expected)| LayoutError {
+                message: name.to_owned(),
+                got,
+                expected,
+            })?;
+        }
         let mut signature = String::new();
         layout.sign(layout.root(), &mut signature);
         layout.signature = signature;
@@ -170,13 +175,8 @@ impl Layout {
     }
 
     fn sign(&self, fields: &[Field], out: &mut String) {
-        if self.wire == Wire::Ros1 {
-            let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
-            match names[..] {
-                ["seq", "stamp", "frame_id"] => return out.push_str("iIs"),
-                ["secs", "nsecs"] => return out.push_str("iI"),
-                _ => {}
-            }
+        if let Some(known) = self.ros1_signature(fields) {
+            return out.push_str(known);
         }
         for field in fields {
             if out.len() > 400 {
@@ -213,23 +213,52 @@ impl Layout {
         }
     }
 
-    /// Takes the fields of messages that take no bytes, so that skipping and reading them takes no time. Such messages
-    /// exist in ROS 1 alone. An array of them, which could be of any length, is an error that names its field.
-    fn without_empty_messages(&mut self) -> Result<(), String> {
+    /// The signature of a header or a time of ROS 1, which is that of ROS 2; `None` for other fields, and in ROS 2.
+    fn ros1_signature(&self, fields: &[Field]) -> Option<&'static str> {
+        if self.wire == Wire::Cdr {
+            return None;
+        }
+        let (unsigned, signed) = (Element::Number(Number::U32), Element::Number(Number::I32));
+        let is_time = |fields: &[Field], number: Element| match fields {
+            [secs, nsecs] => secs.is_one("secs", number) && nsecs.is_one("nsecs", number),
+            _ => false,
+        };
+        if is_time(fields, unsigned) || is_time(fields, signed) {
+            return Some("iI");
+        }
+        let [seq, stamp, frame_id] = fields else { return None };
+        let Element::Message(time) = stamp.element else { return None };
+        let is_header = seq.is_one("seq", unsigned)
+            && stamp.is_one("stamp", stamp.element)
+            && is_time(self.message(time), unsigned)
+            && frame_id.is_one("frame_id", Element::Text);
+        is_header.then_some("iIs")
+    }
+
+    /// Removes the fields of messages that take no bytes, so that nothing is read within them. Such messages exist in
+    /// ROS 1 alone. An array of them, which could be of any length, is refused, and so are too many fields of them: the
+    /// steps of skipping a message stay in proportion to its bytes. `reached` are the messages that the root holds. An
+    /// error is what was found, and what is expected.
+    fn without_empty_messages(&mut self, reached: Vec<usize>) -> Result<(), (String, &'static str)> {
         let mut known = vec![None; self.messages.len()];
-        for message in 0..self.messages.len() {
+        for &message in &reached {
             if self.is_empty(message, &mut known) {
                 self.messages[message].clear();
             }
         }
-        let is_array_of_nothing = |field: &&Field| match field.element {
-            Element::Message(inner) => field.count != Count::One && self.messages[inner].is_empty(),
+        let takes_no_bytes = |field: &&Field| match field.element {
+            Element::Message(inner) => self.messages[inner].is_empty(),
             _ => false,
         };
-        match self.messages.iter().flatten().find(is_array_of_nothing) {
-            Some(field) => Err(field.name.clone()),
-            None => Ok(()),
+        let fields = reached.into_iter().flat_map(|message| &self.messages[message]);
+        let empty: Vec<&Field> = fields.filter(takes_no_bytes).collect();
+        if let Some(array) = empty.iter().find(|field| field.count != Count::One) {
+            return Err((array.name.clone(), "elements that take at least one byte"));
         }
+        if empty.len() > MAX_EMPTY_FIELDS {
+            return Err((format!("{} fields that take no bytes", empty.len()), "at most 100"));
+        }
+        Ok(())
     }
 
     /// Whether a message takes no bytes.
@@ -259,6 +288,13 @@ impl Layout {
         }
         known[message] = Some(depth);
         Some(depth)
+    }
+}
+
+impl Field {
+    /// Whether it is a single element of this name and type.
+    fn is_one(&self, name: &str, element: Element) -> bool {
+        self.name == name && self.element == element && self.count == Count::One
     }
 }
 
@@ -430,6 +466,49 @@ mod tests {
             MSG: my_msgs/None\n";
         let layout = Layout::parse("my_msgs/Demo", text, Wire::Ros1).expect("it is a definition");
         assert_eq!(layout.signature(), "iIsiI[](iI)cB[2](I)");
+    }
+
+    #[test]
+    fn fields_of_other_types_are_no_header_and_no_time_of_ros_1() {
+        for (text, signature) in [
+            ("uint32 secs\nuint32 nsecs", "iI"),
+            ("int32 secs\nint32 nsecs", "iI"),
+            ("float64 secs", "d"),
+            ("float64 secs\nuint32 nsecs", "dI"),
+            ("uint32[] secs\nuint32 nsecs", "[]II"),
+            ("uint32 seq\ntime stamp\nstring frame_id", "iIs"),
+            ("uint64 seq\ntime stamp\nstring frame_id", "QiIs"),
+            ("uint32 seq\nfloat64 stamp\nstring frame_id", "Ids"),
+            ("uint32 seq\ntime[2] stamp\nstring frame_id", "I[2](iI)s"),
+            ("uint32 seq\nduration stamp\nstring frame_id", "IiIs"),
+            ("uint32 seq\ntime stamp\nstring[] frame_id", "IiI[]s"),
+        ] {
+            let layout = Layout::parse("a/Demo", text, Wire::Ros1).expect(text);
+            assert_eq!(layout.signature(), signature, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_message_within_itself_does_no_harm_where_no_field_has_it() {
+        for wire in [Wire::Cdr, Wire::Ros1] {
+            let text = "int8 a\n===\nMSG: a/X\nX x\n";
+            let layout = Layout::parse("a/Top", text, wire).expect("it is a definition");
+            assert_eq!(layout.signature(), "c");
+        }
+    }
+
+    #[test]
+    fn very_many_fields_without_bytes_are_refused() {
+        let parse = |count: usize| {
+            let mut text = "Part[] parts\n===\nMSG: a/None\n===\nMSG: a/Part\nint8 a\n".to_owned();
+            for field in 0..count {
+                writeln!(text, "None n{field}").expect("a text takes all");
+            }
+            Layout::parse("a/Top", &text, Wire::Ros1)
+        };
+        assert_eq!(parse(100).expect("it is a definition").signature(), "[](c)");
+        let error = parse(101).expect_err("so many steps for each byte").to_string();
+        assert_eq!(error, "definition of a/Top: got \"101 fields that take no bytes\", expected at most 100");
     }
 
     #[test]
