@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{PAIR, seconds, stepped, write_log};
+use common::{PAIR, content, seconds, stepped, tight, write_log};
 use rcs_formula::FieldRef;
 use rcs_log::Log;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
@@ -90,11 +90,6 @@ fn walk(past: PastOptions) -> StackSource {
     StackSource::new(walk_plan(), None, options).unwrap()
 }
 
-/// So little memory that nearly everything goes to disk.
-fn tight(folder: &Path, disk_bytes: u64) -> PastOptions {
-    PastOptions { memory_bytes: 1 << 20, disk_bytes, folder: folder.to_owned() }
-}
-
 fn speed(mps: f64) -> (&'static str, AnyMessage) {
     let params = CounterParams { publish_hz: mps, ..rcs_msg::params::default() };
     ("/walker/params", AnyMessage::new(params))
@@ -108,17 +103,6 @@ fn set_speed(source: &mut StackSource, mps: f64) {
 fn x_of(frame: &Frame) -> f64 {
     let topic = frame.topic("/walker/odometry").unwrap();
     topic.get::<foxglove::Odometry>().unwrap().pose.unwrap().position.unwrap().x
-}
-
-/// The newest message of every topic, encoded, and the number of messages.
-fn content(frame: &Frame) -> Vec<(String, u64, Option<Vec<u8>>)> {
-    let of = |topic: &rcs_runtime::source::Topic| {
-        assert!(!topic.pending, "{} is still to come", topic.name);
-        let bytes = topic.latest.as_ref().map(|sample| sample.message.bytes().to_vec());
-        (topic.name.to_string(), topic.messages, bytes)
-    };
-    // Measured times differ from run to run.
-    frame.topics.iter().filter(|topic| !topic.name.contains("timing")).map(of).collect()
 }
 
 /// What a run shows after going directly to a time.
@@ -375,6 +359,28 @@ fn several_runs_are_shown_at_one_moment_and_writing_goes_to_the_viewed_one() {
         }
         source.switch_run(RunId(1)).unwrap();
     }
+    // What was not kept is shown beside when it has been computed again, with the transforms of the moment.
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = walk(tight(folder.path(), 0));
+    source.seek(seconds(60.0), &task).unwrap();
+    source.seek(seconds(4.0), &task).unwrap();
+    set_speed(&mut source, 10.0);
+    source.seek(seconds(20.0), &task).unwrap();
+    source.watch(&[RunId(0)]);
+    source.seek(seconds(4.3), &task).unwrap();
+    finish_idle(&mut source);
+    let frame = source.frame();
+    assert!(frame.of_run(Some(RunId(0))).unwrap().topics.iter().any(|topic| topic.pending), "it was dropped");
+    let mut seen = Vec::new();
+    for run in [RunId(0), RunId(1)] {
+        source.switch_run(run).unwrap();
+        finish_idle(&mut source);
+        let frame = source.frame();
+        let left = frame.of_run(Some(RunId(0))).unwrap();
+        let pose = left.transforms.lookup("local", "walker", seconds(4.3).0).unwrap();
+        seen.push((content(left), pose.translation.x));
+    }
+    assert_eq!(seen[0], seen[1], "viewed, and beside");
 }
 
 #[test]

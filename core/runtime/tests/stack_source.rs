@@ -11,7 +11,7 @@ use rcs_msg::{AnyMessage, Stamp, foxglove};
 use rcs_runtime::source::{
     Control, Driver, Frame, RecordingEnd, RunTag, Source, SourceError, StackSource, Step, Task,
 };
-use rcs_runtime::{RecordOptions, RunOptions};
+use rcs_runtime::{RecordOptions, RunId, RunOptions};
 use rcs_testkit::proto::CounterParams;
 use std::time::{Duration, Instant};
 
@@ -118,6 +118,36 @@ fn a_recording_goes_on_after_a_refused_write_and_where_nothing_can_be_taken_back
     let cursor = log.cursor(CursorOptions { topics: Some(ids), ..CursorOptions::default() });
     let sequences: Vec<u32> = cursor.map(|message| message.unwrap().sequence).collect();
     assert_eq!(sequences, (100..=300).collect::<Vec<u32>>(), "what held at 1 s, and every message once");
+}
+
+#[test]
+fn a_recording_goes_on_where_there_is_no_other_run_to_show_and_ends_where_its_own_has_come_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut source = pair();
+    let task = Task::default();
+    let params = AnyMessage::new(CounterParams { publish_hz: 9.0, ..rcs_msg::params::default() });
+    let options = RecordOptions { lossless: true, build: "test".to_owned(), ..RecordOptions::default() };
+    source.seek(seconds(3.0), &task).unwrap();
+    source.seek(seconds(1.0), &task).unwrap();
+    source.write("/counter/params", params).unwrap();
+    for is_undone in [false, true] {
+        source.switch_run(RunId(1)).unwrap();
+        source.seek(seconds(2.0), &task).unwrap();
+        source.record(&folder.path().join(format!("{is_undone}.mcap")), &options).unwrap();
+        assert!(source.switch_run(RunId(7)).is_err());
+        source.switch_run(RunId(1)).unwrap();
+        assert_eq!(source.frame().recording.unwrap().ended, None);
+        // Both show the first run, which has come to 3 s.
+        if is_undone {
+            assert!(source.undo().unwrap());
+        } else {
+            source.switch_run(RunId(0)).unwrap();
+        }
+        let frame = source.frame();
+        assert_eq!((frame.runs.current(), frame.runs.all.len()), (RunId(0), 2));
+        let recording = frame.recording.unwrap();
+        assert_eq!((recording.ended, recording.to), (Some(RecordingEnd::OtherRun), seconds(2.0)));
+    }
 }
 
 #[test]

@@ -37,6 +37,7 @@ impl Session {
 
     /// Moves the view to a point of the run; executes nothing.
     pub(crate) fn look(&mut self, at: Point) {
+        self.gave_up = None;
         let end = self.runs[self.run].end;
         let at = at.min(end);
         let before = self.place();
@@ -75,7 +76,7 @@ impl Session {
     }
 
     /// Whether the tape has the messages of a stretch up to a point.
-    fn is_on_tape(&self, stretch: usize, at: Point) -> bool {
+    pub(super) fn is_on_tape(&self, stretch: usize, at: Point) -> bool {
         self.at_stretch == stretch && self.at() >= at
     }
 
@@ -98,12 +99,13 @@ impl Session {
 
     /// The messages of a stretch from memory, or from disk without keeping them in memory. What cannot be read is
     /// reported.
-    fn read(&mut self, stretch: usize) -> Option<Arc<Samples>> {
+    pub(super) fn read(&mut self, stretch: usize) -> Option<Arc<Samples>> {
         let kept = &self.stretches[stretch].samples;
         if let Some(samples) = &kept.memory {
             return Some(Arc::clone(samples));
         }
         let packed = kept.disk.clone()?;
+        self.retention.reads += 1;
         match packed.load(self.machine.plan()) {
             Ok(samples) => Some(Arc::new(samples)),
             Err(error) => {
@@ -130,10 +132,16 @@ impl Session {
             self.leave();
             if let Err(error) = self.place_machine(self.run, point) {
                 self.retention.report(error.to_string());
+                self.give_up(stretch);
                 return;
             }
         }
         self.filling = Some(place);
+    }
+
+    /// A stretch could not be computed.
+    fn give_up(&mut self, stretch: usize) {
+        (self.filling, self.gave_up) = (None, Some(stretch));
     }
 
     /// Continues recomputing for a limited time; `true` if work is left.
@@ -147,10 +155,10 @@ impl Session {
             }
             match self.step() {
                 Ok(Some(_)) => {}
-                Ok(None) => self.filling = None,
+                Ok(None) => self.give_up(stretch),
                 Err(error) => {
                     self.retention.report(error.to_string());
-                    self.filling = None;
+                    self.give_up(stretch);
                 }
             }
             if Instant::now() >= until {
@@ -195,16 +203,15 @@ impl Session {
     pub(crate) fn idle(&mut self) -> bool {
         self.collect_written();
         if self.filling.is_some() {
-            // What could not be computed is tried again only when something is asked for.
-            return self.fill_for(PIECE) || (self.went_back && !self.is_pending());
+            return self.fill_for(PIECE) || self.went_back;
         }
         let place = self.place();
+        let viewed = self.runs[self.run].line[place];
         let prepares = self.went_back && place > 0;
-        if !prepares && !self.is_pending() {
+        if self.gave_up == Some(viewed) || (!prepares && !self.is_pending()) {
             return false;
         }
         // The viewed stretch comes first: a part of it that is only on the tape is lost when the machine moves away.
-        let viewed = self.runs[self.run].line[place];
         let is_in_it = self.at_run == self.run && self.at_stretch == viewed;
         let is_whole = is_in_it && self.at().event >= self.stretches[viewed].to();
         if !is_whole && !self.load(viewed) {
@@ -277,82 +284,13 @@ impl Session {
         Shown { sample, pending: false }
     }
 
-    fn log(&self) -> Option<Log> {
+    pub(super) fn log(&self) -> Option<Log> {
         self.machine.feed.as_ref().map(|feed| feed.log().clone())
     }
 
     /// Number of messages of a buffer up to the viewed moment.
     pub(crate) fn messages(&self, buffer: usize) -> u64 {
-        let stretch = self.runs[self.run].line[self.place()];
-        if self.is_on_tape(stretch, self.cursor) {
-            let samples = self.tape.samples();
-            let done = samples.written[buffer].partition_point(|entry| entry.point <= self.cursor);
-            return self.stretches[stretch].newest[buffer] + done as u64;
-        }
-        self.stretches[stretch].messages(buffer, self.cursor)
-    }
-
-    /// Messages of these buffers after `from` and up to the cursor, as far as they are in memory, in the order of each
-    /// buffer; whether that is all of them.
-    pub(crate) fn since(&self, from: Point, buffers: &[usize], take: &mut dyn FnMut(usize, &Sample)) -> bool {
-        let mut is_whole = true;
-        let run = &self.runs[self.run];
-        let log = self.log();
-        let (first, last) = (run.place_of(&self.stretches, from.event), self.place());
-        for &stretch in &run.line[first..=last] {
-            let memory = self.stretches[stretch].samples.memory.clone();
-            let tape = (self.at_stretch == stretch).then(|| self.tape.samples());
-            let end = Point::end_of(self.stretches[stretch].to()).min(self.cursor);
-            is_whole &= memory.is_some() || self.is_on_tape(stretch, end);
-            let samples: &Samples = match (&memory, &tape) {
-                (Some(samples), _) if !self.is_on_tape(stretch, self.cursor) => samples,
-                (_, Some(tape)) => tape,
-                (Some(samples), None) => samples,
-                (None, None) => continue,
-            };
-            for &buffer in buffers {
-                let written = &samples.written[buffer];
-                let begin = written.partition_point(|entry| entry.point <= from);
-                let end = written.partition_point(|entry| entry.point <= self.cursor);
-                for entry in written.get(begin..end).unwrap_or_default() {
-                    if let Ok(sample) = entry.sample(log.as_ref()) {
-                        take(buffer, &sample);
-                    }
-                }
-            }
-        }
-        is_whole
-    }
-
-    /// Every message of a buffer in a run, in order, as far as it was kept; whether that is all of them.
-    pub(crate) fn each_message(&mut self, run: RunId, buffer: usize, take: &mut dyn FnMut(&Sample)) -> bool {
-        let log = self.log();
-        // What every run writes before its first event is in no stretch; of a buffer's messages, the newest is known.
-        let start = &self.stretches[0];
-        let snapshot = start.snapshot.memory.as_ref();
-        let opening = snapshot.and_then(|snapshot| snapshot.latest().nth(buffer).flatten());
-        let mut complete = start.newest[buffer] == u64::from(opening.is_some());
-        if let Some(sample) = opening {
-            take(sample);
-        }
-        let known = &self.runs[run.0 as usize];
-        let (line, end) = (known.line.clone(), known.end);
-        for stretch in line {
-            let is_on_tape = self.is_on_tape(stretch, Point::end_of(self.stretches[stretch].to()).min(end));
-            let kept = if is_on_tape { None } else { self.read(stretch) };
-            let tape = is_on_tape.then(|| self.tape.samples());
-            let Some(samples) = kept.as_deref().or(tape.as_deref()) else {
-                complete = false;
-                continue;
-            };
-            for entry in samples.written[buffer].iter().filter(|entry| entry.point <= end) {
-                match entry.sample(log.as_ref()) {
-                    Ok(sample) => take(&sample),
-                    Err(_) => complete = false,
-                }
-            }
-        }
-        complete
+        self.messages_in(self.moment(), buffer)
     }
 
     /// The viewed point.
@@ -425,7 +363,7 @@ impl Session {
 
     /// Moves the machine to a point of a run.
     pub(super) fn bring(&mut self, run: usize, to: Point, task: &Task) -> Result<(), SourceError> {
-        self.filling = None;
+        (self.filling, self.gave_up) = (None, None);
         if !self.is_near(run, to) {
             self.leave();
             self.place_machine(run, to)?;

@@ -51,6 +51,8 @@ const STRETCH_EVENTS: u64 = 16_384;
 pub struct Session {
     machine: Stepped,
     tape: Arc<Tape>,
+    /// What was written before the first event, which is in no stretch.
+    begun: Samples,
     stretches: Vec<Stretch>,
     runs: Vec<Run>,
     /// The viewed run, and the point in it.
@@ -62,6 +64,8 @@ pub struct Session {
     at_write: u32,
     /// Index in the run of the stretch that the machine executes again for the view.
     filling: Option<usize>,
+    /// The stretch that could not be executed again; it is tried again only when something is asked for.
+    gave_up: Option<usize>,
     went_back: bool,
     retention: Retention,
 }
@@ -77,11 +81,12 @@ impl Session {
     /// A session of a run: from its beginning, or from where it is if it has begun.
     pub fn new(mut run: Stepped) -> Result<Self, RunError> {
         let tape = Tape::on(run.buffers());
-        let retention = Retention::new(run.past_options().clone(), Arc::clone(run.plan()));
+        let mut retention = Retention::new(run.past_options().clone(), Arc::clone(run.plan()));
         run.begin()?;
         let snapshot = Arc::new(run.snapshot());
         let opening = fill::opening(&snapshot);
-        tape.replace(Samples::begin(opening));
+        let begun = tape.replace(Samples::begin(opening));
+        retention.begun_bytes = begun.bytes();
         let (start, events) = (run.now, run.events);
         let first = Run {
             branched_from: None,
@@ -94,6 +99,7 @@ impl Session {
         Ok(Self {
             machine: run,
             tape,
+            begun,
             stretches: vec![Stretch::begin(0, snapshot)],
             runs: vec![first],
             run: 0,
@@ -102,6 +108,7 @@ impl Session {
             at_stretch: 0,
             at_write: 0,
             filling: None,
+            gave_up: None,
             went_back: false,
             retention,
         })
@@ -312,8 +319,8 @@ impl Session {
         self.undo_with(|_| {})
     }
 
-    /// [`Session::undo`]; `begun` is called if another run begins, before anything is written there.
-    pub(crate) fn undo_with(&mut self, begun: impl FnOnce(&Self)) -> Result<bool, RunError> {
+    /// [`Session::undo`]; `leaves` is called before anything of another run is executed or written.
+    pub(crate) fn undo_with(&mut self, leaves: impl FnOnce(&Self)) -> Result<bool, RunError> {
         let run = &self.runs[self.run];
         let done = &run.journal.events()[..run.writes_done(self.cursor)];
         // A branch announcement of the runtime is not a write of the operator.
@@ -327,23 +334,32 @@ impl Session {
             && before.write == at.write + 1
         {
             // This write began the run: without it, this is the run that it branched from.
+            leaves(self);
             self.switch_to_point(parent, at)?;
             return Ok(true);
         }
         self.cursor = before;
         self.bring_to_cursor()?;
-        self.fork(begun)?;
+        self.fork(leaves)?;
         Ok(true)
     }
 
     /// Goes to another run, at the viewed time or at the end of that run, whichever is earlier.
     pub fn switch_to(&mut self, run: RunId) -> Result<(), RunError> {
+        self.switch_to_with(run, |_| {})
+    }
+
+    /// [`Session::switch_to`]; `leaves` is called if that is not the viewed run, before anything of it is executed.
+    pub(crate) fn switch_to_with(&mut self, run: RunId, leaves: impl FnOnce(&Self)) -> Result<(), RunError> {
         let index = run.0 as usize;
         if index >= self.runs.len() {
             return Err(RunError::Refused(format!(
                 "there is no {run}; expected 0 to {}",
                 self.runs.len() - 1
             )));
+        }
+        if index != self.run {
+            leaves(self);
         }
         let time = self.now().min(self.runs[index].end_time);
         let was_at_end = self.is_at_end();
@@ -389,7 +405,7 @@ impl Session {
         self.stretches.push(stretch);
         self.runs.push(begun);
         (self.at_run, self.run) = (run, run);
-        self.filling = None;
+        (self.filling, self.gave_up) = (None, None);
         self.machine.buffers().iter().for_each(|buffer| buffer.begin_anew());
         self.retention.send(Job::Begun { run, origin: Origin { parent, newest } });
         moved(self);

@@ -1,7 +1,8 @@
-//! Reads the messages of any run, the viewed one or another: in order as the run grows, or those up to a moment.
+//! Reads the messages of any run, the viewed one or another: in order as the run grows, those up to a moment, or all.
 //!
 //! A run that grows is read in pieces that another thread can decode: what was kept in memory is shared, and what is on
-//! disk is read there. Up to a moment, only what is in memory is read.
+//! disk is read there. Up to a moment, only what is in memory is read. All messages of all runs are read at once, also
+//! from disk.
 
 use super::Session;
 use super::pack::PackedSamples;
@@ -99,7 +100,7 @@ impl Session {
         let run = &self.runs[at.run.0 as usize];
         let index = run.line[run.place_of(&self.stretches, at.event)];
         let (stretch, at) = (&self.stretches[index], Point { event: at.event, write: at.write });
-        if self.at_stretch == index && self.at() >= at {
+        if self.is_on_tape(index, at) {
             let samples = self.tape.samples();
             let done = samples.written[buffer].partition_point(|entry| entry.point <= at);
             return stretch.newest[buffer] + done as u64;
@@ -107,30 +108,82 @@ impl Session {
         stretch.messages(buffer, at)
     }
 
-    /// Messages of these buffers after `from` and up to a moment, as far as they are in memory, in the order of each
-    /// buffer.
+    /// Messages of these buffers after `from` and up to a moment of the same run, as far as they are in memory, in the
+    /// order of each buffer; whether that is all of them.
     pub(crate) fn since_in(
         &self,
         from: Point,
         at: Moment,
         buffers: &[usize],
         take: &mut dyn FnMut(usize, &Sample),
-    ) {
+    ) -> bool {
+        let log = self.log();
         let run = &self.runs[at.run.0 as usize];
-        let log = self.machine.feed.as_ref().map(crate::feed::Feed::log);
-        let place = |event: u64| run.place_of(&self.stretches, event);
-        let line = &run.line[place(from.event)..=place(at.event)];
         let to = Point { event: at.event, write: at.write };
-        for &index in line {
-            let tape = (self.at_stretch == index && self.at() >= to).then(|| self.tape.samples());
-            let memory = self.stretches[index].samples.memory.as_deref();
-            let Some(samples) = tape.as_deref().or(memory) else { continue };
+        let place = |point: Point| run.place_of(&self.stretches, point.event);
+        let mut is_whole = true;
+        for &stretch in &run.line[place(from)..=place(to)] {
+            let is_on_tape = self.is_on_tape(stretch, Point::end_of(self.stretches[stretch].to()).min(to));
+            let memory = self.stretches[stretch].samples.memory.as_deref();
+            is_whole &= is_on_tape || memory.is_some();
+            // A part of the stretch may be on the tape.
+            let tape = (self.at_stretch == stretch).then(|| self.tape.samples());
+            let Some(samples) = memory.filter(|_| !is_on_tape).or(tape.as_deref()) else { continue };
             for &buffer in buffers {
-                let written = samples.written[buffer].iter();
-                for entry in written.filter(|entry| entry.point > from && entry.point <= to) {
-                    if let Ok(sample) = entry.sample(log) {
+                let written = &samples.written[buffer];
+                let begin = written.partition_point(|entry| entry.point <= from);
+                let end = written.partition_point(|entry| entry.point <= to);
+                for entry in written.get(begin..end).unwrap_or_default() {
+                    if let Ok(sample) = entry.sample(log.as_ref()) {
                         take(buffer, &sample);
                     }
+                }
+            }
+        }
+        is_whole
+    }
+
+    /// Every message of these buffers in all runs, as far as it was kept, with the indices of the runs that have it.
+    /// Those of one buffer in one run are in the order in which they were written; `None` stands for messages that were
+    /// not kept. Each stretch is read once, and what is on disk does not stay in memory.
+    pub(crate) fn each_message(
+        &mut self,
+        buffers: &[usize],
+        take: &mut impl FnMut(&[usize], usize, Option<&Sample>),
+    ) {
+        if buffers.is_empty() {
+            return;
+        }
+        let log = self.log();
+        let all: Vec<usize> = (0..self.runs.len()).collect();
+        for &buffer in buffers {
+            let written = &self.begun.written[buffer];
+            for entry in written {
+                take(&all, buffer, entry.sample(log.as_ref()).ok().as_ref());
+            }
+            // The session may have begun in the middle of the run.
+            if written.len() as u64 != self.stretches[0].newest[buffer] {
+                take(&all, buffer, None);
+            }
+        }
+        // The stretches of each run are in ascending order.
+        for stretch in 0..self.stretches.len() {
+            let runs: Vec<usize> = (0..self.runs.len())
+                .filter(|&run| self.runs[run].line.binary_search(&stretch).is_ok())
+                .collect();
+            // A stretch that several runs share lies before the end of each.
+            let Some(end) = runs.iter().map(|&run| self.runs[run].end).min() else { continue };
+            let is_on_tape = self.is_on_tape(stretch, Point::end_of(self.stretches[stretch].to()).min(end));
+            let kept = if is_on_tape { None } else { self.read(stretch) };
+            let tape = is_on_tape.then(|| self.tape.samples());
+            let samples = kept.as_deref().or(tape.as_deref());
+            for &buffer in buffers {
+                let Some(samples) = samples else {
+                    take(&runs, buffer, None);
+                    continue;
+                };
+                for entry in samples.written[buffer].iter().filter(|entry| entry.point <= end) {
+                    take(&runs, buffer, entry.sample(log.as_ref()).ok().as_ref());
                 }
             }
         }

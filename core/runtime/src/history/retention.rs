@@ -49,12 +49,18 @@ pub struct PastUse {
     pub with_messages: usize,
     /// Number of stretches with a snapshot, from which a run can continue at once.
     pub with_snapshot: usize,
+    /// How often the messages of a stretch were read from disk.
+    pub reads: u64,
 }
 
 pub(super) struct Retention {
     options: PastOptions,
     /// The part of the memory that others take, bytes.
     pub(super) reserved_bytes: u64,
+    /// Memory of what was written before the first event, which always stays.
+    pub(super) begun_bytes: usize,
+    /// How often the messages of a stretch were read from disk.
+    pub(super) reads: u64,
     plan: Arc<Plan>,
     disk: Arc<Disk>,
     spill: Option<Spill>,
@@ -76,6 +82,8 @@ impl Retention {
         Self {
             options,
             reserved_bytes: 0,
+            begun_bytes: 0,
+            reads: 0,
             plan,
             disk,
             spill: None,
@@ -145,7 +153,8 @@ impl Retention {
     }
 
     fn memory(&self, stretches: &[Stretch]) -> usize {
-        stretches.iter().map(|stretch| stretch.fixed_bytes() + self.memory_of(stretch)).sum()
+        let of_stretches = stretches.iter().map(|stretch| stretch.fixed_bytes() + self.memory_of(stretch));
+        self.begun_bytes + of_stretches.sum::<usize>()
     }
 
     pub(super) fn usage(&self, stretches: &[Stretch], tape: &Tape) -> PastUse {
@@ -155,6 +164,7 @@ impl Retention {
             stretches: stretches.len(),
             with_messages: stretches.iter().filter(|stretch| stretch.samples.is_kept()).count(),
             with_snapshot: stretches.iter().filter(|stretch| stretch.snapshot.is_kept()).count(),
+            reads: self.reads,
         }
     }
 }

@@ -1,11 +1,9 @@
 //! The runs of a session: each branches from another one, and none is ever deleted.
 
-use super::Session;
 use super::samples::Point;
 use super::stretch::Stretch;
 use crate::journal::Journal;
 use crate::snapshot::Snapshot;
-use crate::stack::names;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -44,16 +42,6 @@ pub struct RunSummary {
     pub events: u64,
     /// Number of external writes.
     pub writes: usize,
-}
-
-impl Session {
-    /// Whether there is a write of the operator before the viewed moment, so that [`Session::undo`] goes back to it.
-    pub(crate) fn can_undo(&self) -> bool {
-        let run = &self.runs[self.run];
-        let done = &run.journal.events()[..run.writes_done(self.cursor)];
-        // A branch announcement of the runtime is not a write of the operator.
-        done.iter().any(|event| *event.buffer != *names::RUN)
-    }
 }
 
 /// One run.

@@ -4,7 +4,6 @@ use super::frame::{Frame, Runs, Topic};
 use super::rates::RunTimes;
 use super::run_tag::RunTag;
 use super::run_transforms::{POSES_NS, RunTransforms};
-use crate::conversion::canonical;
 use crate::history::{Moment, Point, RunId, Session};
 use rcs_bus::Sample;
 use rcs_geom::TransformTree;
@@ -96,20 +95,14 @@ impl Placed {
         });
         let mut is_pending = false;
         for &buffer in &buffers {
+            let shown = session.latest_in(at, buffer);
+            is_pending |= shown.pending;
             if !samples.iter().any(|(other, _)| *other == buffer) {
-                let shown = session.latest_in(at, buffer);
-                is_pending |= shown.pending;
                 samples.extend(shown.sample.map(|sample| (buffer, sample)));
             }
         }
-        samples.sort_by_key(|(_, sample)| sample.header.log_time);
         self.transforms.clear();
-        for (buffer, sample) in samples {
-            let is_static = placing.iter().any(|&(other, is_static)| other == buffer && is_static);
-            if let Some(message) = canonical(&sample.message) {
-                self.transforms.take(sample.header.log_time, &message, is_static);
-            }
-        }
+        self.transforms.take_all(samples, placing);
         self.at = (!is_pending).then_some(at);
         &mut self.transforms
     }

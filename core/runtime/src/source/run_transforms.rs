@@ -1,6 +1,8 @@
 //! Transforms between the frames of a running stack, from its buffers, and from the recording on which it runs.
 
 use super::tracks::{frame_name, is_transform_type, pose_of, to_pose};
+use crate::conversion::canonical;
+use rcs_bus::Sample;
 use rcs_geom::TransformTree;
 use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeSet;
@@ -38,6 +40,26 @@ impl RunTransforms {
     /// Whether messages of this type can give the pose of a frame.
     pub(crate) fn takes(type_name: &str) -> bool {
         is_transform_type(type_name) || type_name == "foxglove.Odometry"
+    }
+
+    /// Adds messages of buffers, in the order of time. `placing` are the buffers that give poses of frames, and whether
+    /// these are static.
+    pub(crate) fn take_all(&mut self, mut samples: Vec<(usize, Sample)>, placing: &[(usize, bool)]) {
+        samples.sort_by_key(|(_, sample)| sample.header.log_time);
+        for (buffer, sample) in samples {
+            let is_static = placing.iter().any(|&(other, is_static)| other == buffer && is_static);
+            if let Some(message) = canonical(&sample.message) {
+                self.take(sample.header.log_time, &message, is_static);
+            }
+        }
+    }
+
+    /// Adds the frames that have no transform here as they were in `older`, which is of the same run.
+    pub(crate) fn take_missing(&mut self, older: &Self) {
+        self.shared = None;
+        let missing = older.told.iter().filter(|frame| self.tree.parent(frame).is_none());
+        self.told.extend(missing.cloned());
+        self.tree.take_missing(&older.tree);
     }
 
     /// Adds a canonical message with this log time; `is_static` applies to transform messages only.

@@ -17,9 +17,8 @@ use super::run_tag::RunTag;
 use super::run_transforms::{POSES_NS, RunTransforms};
 use super::tracks::Tracks;
 use super::{Source, SourceError, Step, Task};
-use crate::conversion::canonical;
 use crate::error::RunError;
-use crate::history::{RunId, Session};
+use crate::history::{Point, RunId, Session};
 use crate::journal::ExternalEvent;
 use crate::options::RunOptions;
 use crate::record::{RecordOptions, writer_of};
@@ -227,45 +226,49 @@ impl StackSource {
         }
     }
 
-    /// Updates the transforms to the viewed moment: from what was written since, or completely after a jump back and
-    /// where a part of what was written since is not in memory.
+    /// Updates the transforms to the viewed moment: from what was written since, or completely after a jump back. Where
+    /// a part of what was written since is not in memory, they are computed as after a jump back, and frames that get
+    /// none by that keep theirs.
     fn place(&mut self) {
-        let at = self.session.cursor();
         let moment = self.session.moment();
         let from = match self.placed {
             Some(placed) if placed == moment => return,
             Some(placed) if placed.run == moment.run && placed < moment => {
-                Some(crate::history::Point { event: placed.event, write: placed.write })
+                Some(Point { event: placed.event, write: placed.write })
             }
             _ => None,
         };
-        let buffers: Vec<usize> = self.placing.iter().map(|&(buffer, _)| buffer).collect();
-        let mut samples: Vec<(usize, Sample)> = Vec::new();
         let pending = self.session.is_pending();
-        let goes_on = from.is_some_and(|from| {
-            self.session.since(from, &buffers, &mut |buffer, sample| samples.push((buffer, sample.clone())))
+        if pending && from.is_some() {
+            // They stay as they are until the messages of the moment are there.
+            return;
+        }
+        let buffers: Vec<usize> = self.placing.iter().map(|&(buffer, _)| buffer).collect();
+        let since = |from: Point| {
+            let mut samples: Vec<(usize, Sample)> = Vec::new();
+            let is_whole = self.session.since_in(from, moment, &buffers, &mut |buffer, sample| {
+                samples.push((buffer, sample.clone()));
+            });
+            (samples, is_whole)
+        };
+        let is_whole = from.is_some_and(|from| {
+            let (samples, is_whole) = since(from);
+            self.transforms.take_all(samples, &self.placing);
+            is_whole
         });
-        if !goes_on {
-            samples.clear();
-            self.transforms.clear();
+        if !is_whole {
+            let older = std::mem::take(&mut self.transforms);
             let before = self.session.now().before_ns(POSES_NS);
-            let from = crate::history::Point::after(self.session.events_at(before).min(at.event));
-            self.session.since(from, &buffers, &mut |buffer, sample| samples.push((buffer, sample.clone())));
+            let (mut samples, _) = since(Point::after(self.session.events_at(before).min(moment.event)));
             // Older messages that are still valid.
-            let mut old = Vec::new();
             for &buffer in &buffers {
                 if !samples.iter().any(|(other, _)| *other == buffer) {
-                    old.extend(self.session.latest(buffer).sample.map(|sample| (buffer, sample)));
+                    samples.extend(self.session.latest(buffer).sample.map(|sample| (buffer, sample)));
                 }
             }
-            old.append(&mut samples);
-            samples = old;
-        }
-        samples.sort_by_key(|(_, sample)| sample.header.log_time);
-        for (buffer, sample) in samples {
-            let is_static = self.placing.iter().any(|&(other, is_static)| other == buffer && is_static);
-            if let Some(message) = canonical(&sample.message) {
-                self.transforms.take(sample.header.log_time, &message, is_static);
+            self.transforms.take_all(samples, &self.placing);
+            if from.is_some() {
+                self.transforms.take_missing(&older);
             }
         }
         self.placed = (!pending).then_some(moment);
@@ -290,13 +293,6 @@ impl StackSource {
         }
     }
 
-    fn end_recording(&mut self, why: RecordingEnd) {
-        let end = self.session.end();
-        if let Some(recording) = &mut self.recording {
-            recording.end(end, why);
-        }
-    }
-
     /// The source reports what the past could not store or read.
     fn tell_problems(&mut self) {
         let problems = self.session.problems();
@@ -311,6 +307,21 @@ impl StackSource {
             let told = std::mem::replace(&mut self.log_problems, problems.len());
             Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
         }
+    }
+}
+
+/// What is done before anything of another run is executed or written: the recording ends, of a run that has reached
+/// `end`, and what is gathered from now on is of the session's run.
+fn leaving(
+    recording: &mut Option<SourceRecording>,
+    gathering: &Gathering,
+    end: Stamp,
+) -> impl FnOnce(&Session) {
+    move |session| {
+        if let Some(recording) = recording {
+            recording.end(end, RecordingEnd::OtherRun);
+        }
+        gathering.follow(session);
     }
 }
 
@@ -459,20 +470,16 @@ impl Source for StackSource {
     }
 
     fn stop_recording(&mut self) {
-        self.end_recording(RecordingEnd::Stopped);
+        if let Some(recording) = &mut self.recording {
+            recording.end(self.session.end(), RecordingEnd::Stopped);
+        }
     }
 
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
         let end = self.session.end();
         let Self { session, gathering, recording, .. } = self;
         let event = ExternalEvent::operator(buffer, message);
-        let written = session.write_with(event, |session| {
-            // The write begins another run.
-            if let Some(recording) = recording {
-                recording.end(end, RecordingEnd::OtherRun);
-            }
-            gathering.follow(session);
-        });
+        let written = session.write_with(event, leaving(recording, gathering, end));
         written.map_err(|error| match error {
             // The operator's request was refused: nothing has changed.
             RunError::Refused(text) => SourceError::Unsupported(text),
@@ -483,21 +490,19 @@ impl Source for StackSource {
     }
 
     fn switch_run(&mut self, run: RunId) -> Result<(), SourceError> {
-        if run != self.session.moment().run {
-            self.end_recording(RecordingEnd::OtherRun);
-        }
-        self.session.switch_to(run)?;
+        let end = self.session.end();
+        let Self { session, gathering, recording, .. } = self;
+        session.switch_to_with(run, leaving(recording, gathering, end))?;
         self.arrived(self.session.now())
     }
 
     fn undo(&mut self) -> Result<bool, SourceError> {
-        if !self.session.can_undo() {
-            return Ok(false);
+        let end = self.session.end();
+        let Self { session, gathering, recording, .. } = self;
+        let undone = session.undo_with(leaving(recording, gathering, end))?;
+        if undone {
+            self.arrived(self.session.now())?;
         }
-        self.end_recording(RecordingEnd::OtherRun);
-        let Self { session, gathering, .. } = self;
-        let undone = session.undo_with(|session| gathering.follow(session))?;
-        self.arrived(self.session.now())?;
         Ok(undone)
     }
 

@@ -4,9 +4,10 @@
 use rand_core::RngCore;
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, Payload, Stamp, foxglove, rcs, schema_of};
+use rcs_runtime::source::{Frame, Topic};
 use rcs_runtime::{
-    Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, Role, RunOptions,
-    StackError, StackFile, Stepped,
+    Cycle, In, NoCommands, Out, PastOptions, Plan, PortBuilder, Process, ProcessDef, ProcessType, Role,
+    RunOptions, StackError, StackFile, Stepped,
 };
 use rcs_testkit::proto::CounterParams;
 use serde::{Deserialize, Serialize};
@@ -188,6 +189,24 @@ pub fn seconds(s: f64) -> Stamp {
 /// The newest message of a buffer.
 pub fn newest<T: Payload>(run: &Stepped, buffer: &str) -> T {
     run.bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
+}
+
+/// So little memory for a past that nearly everything goes to disk.
+pub const TIGHT_BYTES: u64 = 1 << 20;
+
+pub fn tight(folder: &Path, disk_bytes: u64) -> PastOptions {
+    PastOptions { memory_bytes: TIGHT_BYTES, disk_bytes, folder: folder.to_owned() }
+}
+
+/// The newest message of every topic, encoded, and the number of messages.
+pub fn content(frame: &Frame) -> Vec<(String, u64, Option<Vec<u8>>)> {
+    let of = |topic: &Topic| {
+        assert!(!topic.pending, "{} is still to come", topic.name);
+        let bytes = topic.latest.as_ref().map(|sample| sample.message.bytes().to_vec());
+        (topic.name.to_string(), topic.messages, bytes)
+    };
+    // Measured times differ from run to run.
+    frame.topics.iter().filter(|topic| !topic.name.contains("timing")).map(of).collect()
 }
 
 /// A log of vectors: `(seconds, topic, x)`, in the given order.

@@ -11,6 +11,7 @@ use crate::stepped::Stepped;
 use rcs_bus::Sample;
 use rcs_formula::FieldRef;
 use rcs_msg::Stamp;
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -66,11 +67,27 @@ impl RunPoints {
 }
 
 impl RunField {
-    fn take(&mut self, run: usize, sample: &Sample) {
-        if let (Ok(extractor), Some(of_run)) = (&mut self.extractor, self.runs.get_mut(run)) {
+    /// Whether its values are read from the messages; times are known without them.
+    fn is_in_messages(&self) -> bool {
+        self.extractor.as_ref().is_ok_and(|extractor| !extractor.is_time())
+    }
+
+    /// Adds the value of a message that these runs have; `None` for messages that were not kept.
+    fn take(&mut self, runs: &[usize], sample: Option<&Sample>) {
+        let Ok(extractor) = &mut self.extractor else { return };
+        let read = sample.map(|sample| {
             let value = extractor.read(&sample.message);
-            of_run.points.append(FieldPoint { stamp: sample.header.log_time, value });
-            of_run.newest = sample.header.sequence;
+            (sample.header.sequence, FieldPoint { stamp: sample.header.log_time, value })
+        });
+        for &run in runs {
+            let Some(of_run) = self.runs.get_mut(run) else { continue };
+            match read {
+                Some((sequence, point)) => {
+                    of_run.points.append(point);
+                    of_run.newest = sequence;
+                }
+                None => of_run.is_lossy = true,
+            }
         }
     }
 }
@@ -86,7 +103,7 @@ impl RunFields {
                 if wanted[index].load(Ordering::Relaxed) {
                     let inner = &mut *inner.lock().unwrap_or_else(PoisonError::into_inner);
                     let of_buffer = inner.fields.iter_mut().filter(|field| field.buffer == index);
-                    of_buffer.for_each(|field| field.take(inner.current, sample));
+                    of_buffer.for_each(|field| field.take(&[inner.current], Some(sample)));
                 }
             }));
         }
@@ -97,10 +114,11 @@ impl RunFields {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gathers these fields, and no others.
+    /// Gathers these fields, and no others. The past is read once for all that are new.
     pub(crate) fn gather(&self, session: &mut Session, times: &RunTimes, fields: &[FieldRef]) {
-        let mut inner = self.lock();
+        let inner = &mut *self.lock();
         inner.fields.retain(|known| fields.contains(&known.field));
+        let before = inner.fields.len();
         for field in fields {
             let buffers = session.run().buffers();
             let found = buffers.iter().position(|buffer| buffer.name() == field.topic);
@@ -109,23 +127,26 @@ impl RunFields {
                 continue;
             };
             let extractor = Extractor::new(&buffers[index].spec().schema, &field.path).map_err(Into::into);
-            let mut new = RunField { field: field.clone(), buffer: index, extractor, runs: Vec::new() };
-            for run in 0..inner.runs {
-                new.runs.push(RunPoints::default());
-                if new.extractor.as_ref().is_ok_and(Extractor::is_time) {
-                    // Times are known without reading the messages again.
+            let runs = (0..inner.runs).map(|_| RunPoints::default()).collect();
+            let mut new = RunField { field: field.clone(), buffer: index, extractor, runs };
+            if new.extractor.as_ref().is_ok_and(Extractor::is_time) {
+                // Times are known without reading the messages again.
+                for (run, of_run) in new.runs.iter_mut().enumerate() {
                     let times = times.of(run, index);
-                    new.runs[run].newest = times.len() as u64;
+                    of_run.newest = times.len() as u64;
                     let points = times.into_iter().map(|stamp| FieldPoint { stamp, value: 1.0 });
-                    new.runs[run].points.append_all(points);
-                } else if new.extractor.is_ok() {
-                    let id = RunId(run as u32);
-                    let complete = session.each_message(id, index, &mut |sample| new.take(run, sample));
-                    new.runs[run].is_lossy = !complete;
+                    of_run.points.append_all(points);
                 }
             }
             inner.fields.push(new);
         }
+        let new = &mut inner.fields[before..];
+        let read = new.iter().filter(|field| field.is_in_messages()).map(|field| field.buffer);
+        let buffers: Vec<usize> = read.collect::<BTreeSet<_>>().into_iter().collect();
+        session.each_message(&buffers, &mut |runs, buffer, sample| {
+            let of_buffer = new.iter_mut().filter(|field| field.buffer == buffer && field.is_in_messages());
+            of_buffer.for_each(|field| field.take(runs, sample));
+        });
         for (index, wanted) in self.wanted.iter().enumerate() {
             wanted.store(inner.fields.iter().any(|field| field.buffer == index), Ordering::Relaxed);
         }
