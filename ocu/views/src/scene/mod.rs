@@ -383,7 +383,13 @@ impl Scene {
     fn layers(&self, ui: &Ui, frame: &Frame, scene: &str, shown: &[&Placed<'_>]) -> Vec<Layer> {
         let tokens = tokens(ui);
         let mut layers = Vec::new();
-        let mut vehicles = Shapes::default();
+        let camera = self.camera();
+        // Shapes that are made here are precise where they are looked at.
+        let around = |pose: Pose| match camera {
+            Some(camera) => Shapes::around(pose.inverse() * DVec3::from_array(camera.center)),
+            None => Shapes::default(),
+        };
+        let mut vehicles = around(Pose::IDENTITY);
         for layer in shown {
             let color = if layer.is_stale { tokens.stale } else { tokens.series(layer.series) };
             let pose = layer.scene_from_layer;
@@ -392,12 +398,12 @@ impl Scene {
                 Thing::Cloud(message) => Content::Cloud(SameMessage((*message).clone())),
                 Thing::Entities(placed) => Content::Entities(placed.clone()),
                 Thing::Path(points) => {
-                    let mut shapes = Shapes::default();
+                    let mut shapes = around(pose);
                     shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.1), color, 3.0);
                     Content::Made(Arc::new(shapes.finish()))
                 }
                 Thing::Track { points, here } => {
-                    let mut shapes = Shapes::default();
+                    let mut shapes = around(pose);
                     shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.05), color, 2.0);
                     if let Some((p, yaw)) = here {
                         let p = pose * DVec3::from_array(*p);
@@ -408,11 +414,10 @@ impl Scene {
             };
             layers.push(Layer { name: layer.name.clone(), content, pose });
         }
-        let camera = self.camera();
         layers.push(made("vehicles", vehicles.finish()));
         if self.saved.axes {
             let length = camera.map_or(1.0, |camera| (camera.distance_m * 0.03).clamp(0.3, 50.0));
-            let mut axes = Shapes::default();
+            let mut axes = around(Pose::IDENTITY);
             for (_, pose) in frame_poses(frame, scene) {
                 axes.axes(&pose, length);
             }

@@ -18,9 +18,12 @@ const MANY: usize = 20;
 /// Share of the places on either side of each axis that do not count.
 const OUTLIERS: f64 = 0.01;
 
-/// Instances of one kind, and where their coordinates lie.
+/// Instances of each kind. Their coordinates are 32-bit numbers relative to an origin near them, because such a number has
+/// steps of half a metre at the northing of a UTM zone.
 #[derive(Debug, Default)]
 pub(super) struct Shapes {
+    /// The origin in the shapes' own frame; without one, the first coordinates become it.
+    origin: Option<DVec3>,
     /// x, y, z, colour.
     pub(super) points: Vec<u8>,
     /// Both ends, colour, width in points.
@@ -48,6 +51,21 @@ pub(super) const LINE: usize = 32;
 pub(super) const BOX: usize = 28;
 
 impl Shapes {
+    /// No shapes yet, but an origin for them.
+    pub(super) fn around(origin: DVec3) -> Self {
+        Self { origin: Some(origin), ..Self::default() }
+    }
+
+    /// The origin of the coordinates, in the shapes' own frame.
+    pub(super) fn origin(&self) -> DVec3 {
+        self.origin.unwrap_or_default()
+    }
+
+    /// Coordinates relative to the origin.
+    fn relative(&mut self, p: DVec3) -> DVec3 {
+        if p.is_finite() { p - *self.origin.get_or_insert(p) } else { p }
+    }
+
     /// Adds a line of this width, screen points.
     pub(super) fn line(&mut self, ends: [DVec3; 2], color: Color32, width: f32) {
         self.places.extend(ends);
@@ -57,6 +75,7 @@ impl Shapes {
     /// Adds a line that does not count for the bounds.
     fn mark(&mut self, ends: [DVec3; 2], color: Color32, width: f32) {
         for end in ends {
+            let end = self.relative(end);
             floats(&mut self.lines, end);
         }
         self.lines.extend(color.to_array());
@@ -80,6 +99,7 @@ impl Shapes {
 
     fn cell(&mut self, corner: DVec3, extent: DVec3, color: Color32) {
         self.places.extend([corner, corner + extent]);
+        let corner = self.relative(corner);
         floats(&mut self.boxes, corner);
         floats(&mut self.boxes, extent);
         self.boxes.extend(color.to_array());
@@ -100,12 +120,15 @@ impl Shapes {
         heights.sort_by(f64::total_cmp);
         let at = |part: f64| heights.get((heights.len().saturating_sub(1) as f64 * part) as usize).copied();
         let (low, high) = (at(0.02).unwrap_or(0.0), at(0.98).unwrap_or(1.0));
-        let mut shapes = Self { bounds: spread(all.iter().map(|(p, _)| *p)), ..Self::default() };
+        let bounds = spread(all.iter().map(|(p, _)| *p));
+        let origin = bounds.map(|[low, high]| low.midpoint(high));
+        let mut shapes = Self { origin, bounds, ..Self::default() };
         for (p, rgb) in all {
             let color = match rgb {
                 Some([r, g, b]) => Color32::from_rgb(r, g, b),
                 None => ocu_ui::palette::even((p.z - low) / (high - low).max(1e-3)),
             };
+            let p = shapes.relative(p);
             floats(&mut shapes.points, p);
             shapes.points.extend(color.to_array());
         }
@@ -176,6 +199,7 @@ impl Shapes {
 
     fn surface(&mut self, corners: [(DVec3, Color32); 3]) {
         for (p, color) in corners {
+            let p = self.relative(p);
             floats(&mut self.surfaces, p);
             self.surfaces.extend(color.to_array());
         }
@@ -281,6 +305,26 @@ mod tests {
         let shapes = shapes.unwrap();
         assert_eq!(shapes.points.len(), POINT);
         assert_eq!(shapes.bounds, Some([DVec3::new(1.0, 2.0, 3.0); 2]));
+    }
+
+    #[test]
+    fn coordinates_as_large_as_those_of_utm_keep_their_millimetres() {
+        let utm = DVec3::new(308_200.125, 4_333_600.25, 180.0);
+        let first = |bytes: &[u8]| {
+            let number = |at: usize| f64::from(f32::from_ne_bytes(bytes[at..at + 4].try_into().unwrap()));
+            DVec3::new(number(0), number(4), number(8))
+        };
+        let mut track = Shapes::around(utm + DVec3::X * 50.0);
+        track.strip([utm, utm + DVec3::Y * 0.001].into_iter(), Color32::RED, 1.0);
+        let ends = [&track.lines[..], &track.lines[12..]].map(|bytes| track.origin() + first(bytes));
+        assert!(ends[0].distance(utm) < 1e-4 && ends[1].distance(utm + DVec3::Y * 0.001) < 1e-4, "{ends:?}");
+
+        let mut cloud = samples::cloud(&[[0.0, 0.0, 0.0], [0.25, 0.5, 0.75]]);
+        let position = Some(foxglove::Vector3 { x: utm.x, y: utm.y, z: utm.z });
+        cloud.pose = Some(foxglove::Pose { position, orientation: None });
+        let shapes = Shapes::cloud(&cloud).unwrap();
+        let last = shapes.origin() + first(&shapes.points[POINT..]);
+        assert!(last.distance(utm + DVec3::new(0.25, 0.5, 0.75)) < 1e-4, "{last}");
     }
 
     #[test]
