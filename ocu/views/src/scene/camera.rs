@@ -11,6 +11,14 @@ const VIEW_RAD: f64 = 0.8;
 const STEEPEST: f64 = 1.55;
 const LOWEST: f64 = -0.6;
 
+/// The corners of a box.
+pub(super) fn corners(min: DVec3, max: DVec3) -> [DVec3; 8] {
+    std::array::from_fn(|corner| {
+        let pick = |axis: usize| if (corner >> axis) & 1 == 0 { min[axis] } else { max[axis] };
+        DVec3::new(pick(0), pick(1), pick(2))
+    })
+}
+
 /// Where the scene is looked at from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Camera {
@@ -24,15 +32,21 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// Looks at a box from behind and above.
-    pub(super) fn fit(min: DVec3, max: DVec3) -> Self {
-        let size = (max - min).truncate().length().max(2.0);
-        Self {
-            center: (0.5 * (min + max)).to_array(),
-            distance_m: 0.8 * size,
-            azimuth_rad: -2.2,
-            elevation_rad: 0.7,
-        }
+    /// Looks at a box from behind and above, and sees all of it in a canvas with this ratio of width to height.
+    pub(super) fn fit(min: DVec3, max: DVec3, aspect: f64) -> Self {
+        let center = min.midpoint(max);
+        let camera =
+            Self { center: center.to_array(), distance_m: 0.0, azimuth_rad: -2.2, elevation_rad: 0.7 };
+        let outward = camera.outward();
+        let right = DVec3::Z.cross(outward).normalize();
+        let up = outward.cross(right);
+        // Half the height of the canvas at a distance of 1.
+        let half = (0.5 * VIEW_RAD).tan();
+        let needed_m = corners(min, max).map(|corner| {
+            let p = corner - center;
+            p.dot(outward) + (p.dot(up).abs() / half).max(p.dot(right).abs() / (half * aspect))
+        });
+        Self { distance_m: 1.05 * needed_m.into_iter().fold(1.5, f64::max), ..camera }
     }
 
     /// Whether all numbers can be used.
@@ -110,7 +124,7 @@ mod tests {
 
     #[test]
     fn what_is_projected_comes_back_from_its_depth() {
-        let camera = Camera::fit(DVec3::new(-5.0, -5.0, 0.0), DVec3::new(5.0, 5.0, 2.0));
+        let camera = Camera::fit(DVec3::new(-5.0, -5.0, 0.0), DVec3::new(5.0, 5.0, 2.0), 4.0 / 3.0);
         let canvas = Rect::from_min_size(Pos2::new(10.0, 20.0), Vec2::new(400.0, 300.0));
         let matrix = camera.clip_from_world(4.0 / 3.0);
         let center = project(&matrix, canvas, DVec3::from_array(camera.center)).unwrap();
@@ -127,8 +141,23 @@ mod tests {
     }
 
     #[test]
+    fn all_of_a_box_is_seen_in_wide_and_narrow_canvases_and_fills_them() {
+        let boxes = [[60.0, 60.0, 0.0], [200.0, 4.0, 10.0], [3.0, 90.0, 1.0], [5.0, 5.0, 40.0]];
+        for (max, aspect) in boxes.into_iter().flat_map(|max| [0.4, 1.0, 2.5].map(|aspect| (max, aspect))) {
+            let (min, max) = (DVec3::ZERO, DVec3::from_array(max));
+            let matrix = Camera::fit(min, max, aspect).clip_from_world(aspect);
+            let reach = corners(min, max).map(|corner| {
+                let clip = matrix.project_point3(corner);
+                clip.x.abs().max(clip.y.abs())
+            });
+            let farthest = reach.into_iter().fold(0.0, f64::max);
+            assert!((0.85..1.0).contains(&farthest), "{max} in {aspect}: {farthest}");
+        }
+    }
+
+    #[test]
     fn the_scene_follows_the_pointer_and_never_turns_over() {
-        let mut camera = Camera::fit(DVec3::ZERO, DVec3::new(10.0, 10.0, 0.0));
+        let mut camera = Camera::fit(DVec3::ZERO, DVec3::new(10.0, 10.0, 0.0), 1.0);
         let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::new(300.0, 300.0));
         let p = DVec3::from_array(camera.center);
         camera.pan(Vec2::new(30.0, 0.0), 300.0);

@@ -1,7 +1,7 @@
 //! The thread that prepares and draws the scene. The interface waits for it only where the view is closed or the thread
 //! has failed, for a moment. Of several requests only the newest is carried out.
 
-use super::camera::Camera;
+use super::camera::{Camera, corners};
 use super::gpu::{Draw, Gpu, Pixels};
 use super::shapes::{Shapes, grid_pose};
 use crate::cached::SameMessage;
@@ -242,10 +242,11 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
         }
     }
     prepared.0.retain(|name, _| request.layers.iter().any(|layer| layer.name == *name));
-    let fit = fitted(&shapes);
-    let camera = request.camera.unwrap_or(fit);
     let [width, height] = request.size.map(|v| f64::from(v.max(1)));
-    let clip_from_scene = camera.clip_from_world(width / height);
+    let aspect = width / height;
+    let fit = fitted(&shapes, aspect);
+    let camera = request.camera.unwrap_or(fit);
+    let clip_from_scene = camera.clip_from_world(aspect);
     let draws: Vec<Draw> = shapes
         .into_iter()
         .map(|(shapes, pose)| {
@@ -259,20 +260,19 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
     Ok(Picture { number: request.number, camera, fit, image, depth, problems })
 }
 
-/// A camera that sees everything.
-fn fitted(shapes: &[(Arc<Shapes>, Pose)]) -> Camera {
+/// A camera that sees everything in a picture with this ratio of width to height.
+fn fitted(shapes: &[(Arc<Shapes>, Pose)], aspect: f64) -> Camera {
     let mut bounds: Option<[DVec3; 2]> = None;
     for (shapes, pose) in shapes {
         let Some([low, high]) = shapes.bounds else { continue };
-        for corner in 0..8 {
-            let pick = |axis: usize| if (corner >> axis) & 1 == 0 { low[axis] } else { high[axis] };
-            let p = *pose * DVec3::new(pick(0), pick(1), pick(2));
+        for corner in corners(low, high) {
+            let p = *pose * corner;
             let [min, max] = bounds.get_or_insert([p, p]);
             (*min, *max) = (min.min(p), max.max(p));
         }
     }
     let [min, max] = bounds.unwrap_or([DVec3::splat(-5.0), DVec3::splat(5.0)]);
-    Camera::fit(min, max)
+    Camera::fit(min, max, aspect)
 }
 
 #[cfg(test)]
