@@ -27,6 +27,7 @@ mod cached;
 mod camera;
 mod canvas;
 mod clip;
+mod cloud_colors;
 mod command;
 mod compare;
 mod conditions;

@@ -197,7 +197,8 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, event: &Event, is_past: bool) {
     if wide {
         widgets::cell(ui, place(SOURCE), Align::Min, &event.source, FontId::proportional(12.0), tokens.weak);
     }
-    let text = if wide { event.text.to_string() } else { name.clone() };
+    // A row is one line; resting on it shows the text as it is.
+    let text = if wide { &event.text } else { name.as_str() }.replace(['\n', '\r', '\t'], " ");
     let color = if event.level > EventLevel::Info { color } else { ink };
     let rest = place(rect.width());
     widgets::cell(ui, rest, Align::Min, &text, FontId::proportional(12.0), color);

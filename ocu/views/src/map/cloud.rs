@@ -1,21 +1,23 @@
-//! A point cloud seen from above, coloured by height, rendered as pixels of the canvas.
+//! A point cloud seen from above, rendered as pixels of the canvas.
 
 use crate::canvas::Viewport;
 use crate::clip::is_place;
+use crate::cloud_colors::{CloudColors, range};
 use egui::{Color32, ColorImage, Rect};
-use ocu_ui::palette;
 use rcs_geom::Pose;
 use rcs_msg::foxglove::PointCloud;
-use rcs_msg::points;
+use rcs_msg::{Point, points};
 
 /// The points of a cloud in the map's frame.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Cloud {
-    /// x, y and z, m.
-    pub(super) points: Vec<[f32; 3]>,
-    /// The 2nd and 98th percentile of the heights, m.
-    pub(super) heights: [f32; 2],
-    /// The 1st and 99th percentile along x and y, m.
+    /// x and y relative to `origin`, and z, m; colours.
+    pub(super) points: Vec<([f32; 3], Color32)>,
+    /// x and y near the points, m: 32-bit numbers have steps of half a metre at the northing of a UTM zone.
+    origin: [f64; 2],
+    /// By what they are coloured.
+    pub(super) colors: CloudColors,
+    /// The 2nd and 98th percentile along x and y, m.
     pub(super) bounds: Option<([f64; 2], [f64; 2])>,
     /// Number of implausible points, such as missing returns of a scanner.
     pub(super) far: usize,
@@ -26,20 +28,19 @@ impl Cloud {
     pub(super) fn new(cloud: &PointCloud, map_from_frame: &Pose) -> Result<Self, String> {
         let map_from_cloud = *map_from_frame * crate::pose::from_message(cloud.pose.as_ref())?;
         let read = points(cloud).map_err(|error| error.to_string())?;
-        let finite = read.iter().map(|point| map_from_cloud * point.position).filter(|p| p.is_finite());
-        let mut far = 0;
-        let mut points: Vec<[f32; 3]> = Vec::new();
-        for p in finite {
-            if is_place(&p.to_array()) {
-                points.push([p.x as f32, p.y as f32, p.z as f32]);
-            } else {
-                far += 1;
-            }
-        }
-        let [x, y, z] = std::array::from_fn(|axis| spread(&points, axis));
-        let bounds = (!points.is_empty())
-            .then(|| ([f64::from(x[0]), f64::from(y[0])], [f64::from(x[1]), f64::from(y[1])]));
-        Ok(Self { points, heights: z, bounds, far })
+        let placed = read.iter().map(|point| Point { position: map_from_cloud * point.position, ..point });
+        let finite: Vec<Point> = placed.filter(|point| point.position.is_finite()).collect();
+        let is_plausible = |point: &&Point| is_place(&point.position.to_array());
+        let all: Vec<Point> = finite.iter().filter(is_plausible).copied().collect();
+        let [x, y] = [0, 1].map(|axis| range(&all, |point| Some(point.position[axis])));
+        let bounds = x.zip(y).map(|(x, y)| ([x[0], y[0]], [x[1], y[1]]));
+        let origin = bounds.map_or([0.0; 2], |(low, _)| low);
+        let colors = CloudColors::of(&all);
+        let points = all.iter().map(|point| {
+            let [x, y, z] = point.position.to_array();
+            ([(x - origin[0]) as f32, (y - origin[1]) as f32, z as f32], colors.at(point))
+        });
+        Ok(Self { points: points.collect(), origin, colors, bounds, far: finite.len() - all.len() })
     }
 
     /// Renders the visible points, the highest on top, with `per_point` pixels per screen point.
@@ -48,9 +49,10 @@ impl Cloud {
         let (width, height) = (size.x.max(1.0) as usize, size.y.max(1.0) as usize);
         let mut pixels = vec![Color32::TRANSPARENT; width * height];
         let mut top = vec![f32::NEG_INFINITY; width * height];
-        let [low, high] = self.heights.map(f64::from);
-        for &[x, y, z] in &self.points {
-            let at = (viewport.to_screen(canvas, [f64::from(x), f64::from(y)]) - canvas.min) * per_point;
+        let [east, north] = self.origin;
+        for &([x, y, z], color) in &self.points {
+            let place = [east + f64::from(x), north + f64::from(y)];
+            let at = (viewport.to_screen(canvas, place) - canvas.min) * per_point;
             // Each point covers two by two pixels, so that a single one is visible.
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                 if !(at.x >= 0.0 && at.y >= 0.0 && at.x < width as f32 && at.y < height as f32) {
@@ -63,7 +65,7 @@ impl Cloud {
                 let index = py * width + px;
                 if z > top[index] {
                     top[index] = z;
-                    pixels[index] = palette::even((f64::from(z) - low) / (high - low).max(1e-3));
+                    pixels[index] = color;
                 }
             }
         }
@@ -71,20 +73,13 @@ impl Cloud {
     }
 }
 
-/// The 2nd and 98th percentile along an axis.
-fn spread(points: &[[f32; 3]], axis: usize) -> [f32; 2] {
-    let every = (points.len() / 20_000).max(1);
-    let mut values: Vec<f32> = points.iter().step_by(every).map(|p| p[axis]).collect();
-    values.sort_by(f32::total_cmp);
-    let last = values.len().saturating_sub(1) as f32;
-    [0.02, 0.98].map(|fraction| values.get((last * fraction) as usize).copied().unwrap_or(0.0))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::samples;
     use egui::{Pos2, Vec2};
+    use ocu_ui::palette;
+    use rcs_geom::DVec3;
 
     #[test]
     fn the_highest_point_of_a_pixel_is_on_top() {
@@ -114,6 +109,19 @@ mod tests {
             let image = cloud.paint(canvas, viewport, 1.0);
             assert_eq!(image.pixels.iter().filter(|pixel| **pixel != Color32::TRANSPARENT).count(), 4);
         }
+    }
+
+    #[test]
+    fn a_cloud_far_from_the_origin_keeps_its_shape() {
+        let utm = DVec3::new(308_200.0, 4_333_600.0, 0.0);
+        let square = samples::cloud(&[[0.0, 0.0, 0.0], [0.0, 0.3, 1.0], [0.3, 0.0, 2.0], [0.3, 0.3, 3.0]]);
+        let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(40.0));
+        let painted = |at: DVec3| {
+            let center = [at.x + 0.15, at.y + 0.15];
+            let viewport = Viewport { center, scale: 50.0, y_up: true, turned_rad: 0.0 };
+            Cloud::new(&square, &Pose::from_translation(at)).unwrap().paint(canvas, viewport, 1.0).pixels
+        };
+        assert_eq!(painted(utm), painted(DVec3::ZERO));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::grid::{Cells, Shade};
 use super::layers::{self, Kind, Layer};
 use super::uncertainty::{Covariance, SIGMAS};
 use super::{LayerState, Map, picture, undrawn};
+use crate::cloud_colors::{CloudColors, intensity_color};
 use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens, widgets};
 use rcs_runtime::source::Frame;
@@ -205,9 +206,25 @@ impl Map {
                         let Ok(pose) = layers::map_from_layer(frame, &self.frame_id, layer) else { continue };
                         let cloud = picture::cloud(ui.ctx(), layer, &self.frame_id, pose);
                         let Some(cloud) = cloud else { continue };
-                        let [low, high] = cloud.heights.map(|z| format::metres(f64::from(z), 1));
-                        ui.label(RichText::new(format!("{}  height", layer.name)).small());
-                        legend::band(ui, 96.0, &low, &high, palette::even);
+                        let name = |what: &str| RichText::new(format!("{}  {what}", layer.name)).small();
+                        match cloud.colors {
+                            CloudColors::Height(range) => {
+                                let [low, high] = range.map(|z| format::metres(z, 1));
+                                ui.label(name("height"));
+                                legend::band(ui, 96.0, &low, &high, palette::even);
+                            }
+                            CloudColors::Intensity(range) => {
+                                let [low, high] = range.map(format::number);
+                                ui.label(name("intensity"));
+                                legend::band(ui, 96.0, &low, &high, intensity_color);
+                            }
+                            CloudColors::Own => {
+                                ui.label(name("own colours"));
+                            }
+                            CloudColors::Plain => {
+                                ui.label(name("flat, one colour"));
+                            }
+                        }
                     }
                     _ => {}
                 }

@@ -1,12 +1,13 @@
 //! What the scene draws, for the graphics processor: instances of points, lines, and boxes for the cells of grids, and
 //! the triangles of surfaces.
 
+use crate::cloud_colors::CloudColors;
 use crate::map::CellColors;
 use crate::primitives::{Faces, PlacedEntities, Primitives, Solid, Width};
 use egui::Color32;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::PointCloud;
-use rcs_msg::{AnyMessage, points};
+use rcs_msg::{AnyMessage, Point, points};
 use rcs_world::GridView;
 
 /// Most cells of a grid that are drawn one by one; of a larger one every second, third, … row and column.
@@ -105,32 +106,22 @@ impl Shapes {
         self.boxes.extend(color.to_array());
     }
 
-    /// The points of a cloud, coloured as they say, else by height.
+    /// The points of a cloud.
     pub(super) fn cloud(cloud: &PointCloud) -> Result<Self, String> {
         let pose = crate::pose::from_message(cloud.pose.as_ref())?;
         let read = points(cloud).map_err(|error| error.to_string())?;
         let is_place = |p: &DVec3| crate::clip::is_place(&p.to_array());
-        let all: Vec<_> = read
-            .iter()
-            .map(|point| (pose * point.position, point.rgb))
-            .filter(|(p, _)| p.is_finite() && is_place(p))
-            .collect();
-        let mut heights: Vec<f64> =
-            all.iter().step_by((all.len() / 10_000).max(1)).map(|(p, _)| p.z).collect();
-        heights.sort_by(f64::total_cmp);
-        let at = |part: f64| heights.get((heights.len().saturating_sub(1) as f64 * part) as usize).copied();
-        let (low, high) = (at(0.02).unwrap_or(0.0), at(0.98).unwrap_or(1.0));
-        let bounds = spread(all.iter().map(|(p, _)| *p));
+        let placed = read.iter().map(|point| Point { position: pose * point.position, ..point });
+        let all: Vec<Point> =
+            placed.filter(|point| point.position.is_finite() && is_place(&point.position)).collect();
+        let colors = CloudColors::of(&all);
+        let bounds = spread(all.iter().map(|point| point.position));
         let origin = bounds.map(|[low, high]| low.midpoint(high));
         let mut shapes = Self { origin, bounds, ..Self::default() };
-        for (p, rgb) in all {
-            let color = match rgb {
-                Some([r, g, b]) => Color32::from_rgb(r, g, b),
-                None => ocu_ui::palette::even((p.z - low) / (high - low).max(1e-3)),
-            };
-            let p = shapes.relative(p);
+        for point in &all {
+            let p = shapes.relative(point.position);
             floats(&mut shapes.points, p);
-            shapes.points.extend(color.to_array());
+            shapes.points.extend(colors.at(point).to_array());
         }
         Ok(shapes)
     }
