@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{PAIR, PLUGINS, newest, plan, seconds, stepped, write_log, write_published};
+use common::{ON_LOG, PAIR, PLUGINS, newest, plan, seconds, stepped, write_log, write_published};
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
@@ -78,22 +78,6 @@ fn output_becomes_visible_after_its_latency() {
     let sample = run.bus().get("/counter/count").unwrap().latest().unwrap();
     assert_eq!((sample.header.log_time, sample.header.acq_time), (seconds(0.003), Stamp(0)));
 }
-
-/// Adds what a log has on `/a`.
-const ON_LOG: &str = r#"
-format = 1
-name = "on_log"
-[[input]]
-buffer = "/in"
-topic = "/a"
-[[process]]
-name = "adder"
-plugin = "adder"
-supervisor = "viewer"
-inputs = { input = "/in" }
-[buffers."/in"]
-queue = 8
-"#;
 
 #[test]
 fn a_message_whose_time_leaps_ahead_of_the_clock_is_refused_and_a_clock_that_is_ahead_is_not() {

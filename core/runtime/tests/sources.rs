@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{PAIR, plan, seconds, write_log};
+use common::{ON_LOG, PAIR, plan, seconds, write_log};
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs, schema_of};
 use rcs_runtime::source::{
@@ -416,19 +416,7 @@ fn a_stack_on_a_log_of_one_message_shows_what_its_processes_make_of_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");
     write_log(&path, &[(3.0, "/a", 2.0)]);
-    let stack = r#"
-format = 1
-name = "on_log"
-[[input]]
-buffer = "/in"
-topic = "/a"
-[[process]]
-name = "adder"
-plugin = "adder"
-supervisor = "viewer"
-latency_ms = 15
-inputs = { input = "/in" }
-"#;
+    let stack = &ON_LOG.replace("inputs", "latency_ms = 15\ninputs");
     let log = rcs_log::Log::open(&path).unwrap();
     let mut source = StackSource::new(plan(stack).unwrap(), Some(&log), RunOptions::default()).unwrap();
     let end = source.info().end.unwrap();

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{PAIR, plan, seconds, write_log};
+use common::{ON_LOG, PAIR, plan, seconds, write_log};
 use rcs_formula::FieldRef;
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::{AnyMessage, Stamp, foxglove};
@@ -14,20 +14,6 @@ use rcs_runtime::source::{
 use rcs_runtime::{RecordOptions, RunId, RunOptions};
 use rcs_testkit::proto::CounterParams;
 use std::time::{Duration, Instant};
-
-/// Adds what a log has on `/a`.
-const ON_LOG: &str = r#"
-format = 1
-name = "on_log"
-[[input]]
-buffer = "/in"
-topic = "/a"
-[[process]]
-name = "adder"
-plugin = "adder"
-supervisor = "viewer"
-inputs = { input = "/in" }
-"#;
 
 fn on_log(messages: &[(f64, &str, f64)]) -> (StackSource, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();

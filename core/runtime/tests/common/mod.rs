@@ -174,6 +174,22 @@ inputs = { input = "/counter/count" }
 queue = 16
 "#;
 
+/// Adds what a log has on `/a`.
+pub const ON_LOG: &str = r#"
+format = 1
+name = "on_log"
+[[input]]
+buffer = "/in"
+topic = "/a"
+[[process]]
+name = "adder"
+plugin = "adder"
+supervisor = "viewer"
+inputs = { input = "/in" }
+[buffers."/in"]
+queue = 8
+"#;
+
 pub fn plan(text: &str) -> Result<Arc<Plan>, StackError> {
     Plan::new(StackFile::parse("test.toml", text)?, PLUGINS, &[]).map(Arc::new)
 }

@@ -29,9 +29,9 @@ impl Cloud {
         let map_from_cloud = *map_from_frame * crate::pose::from_message(cloud.pose.as_ref())?;
         let read = points(cloud).map_err(|error| error.to_string())?;
         let placed = read.iter().map(|point| Point { position: map_from_cloud * point.position, ..point });
-        let finite: Vec<Point> = placed.filter(|point| point.position.is_finite()).collect();
-        let is_plausible = |point: &&Point| is_place(&point.position.to_array());
-        let all: Vec<Point> = finite.iter().filter(is_plausible).copied().collect();
+        let (all, far): (Vec<Point>, Vec<Point>) = placed
+            .filter(|point| point.position.is_finite())
+            .partition(|point| is_place(&point.position.to_array()));
         let [x, y] = [0, 1].map(|axis| range(&all, |point| Some(point.position[axis])));
         let bounds = x.zip(y).map(|(x, y)| ([x[0], y[0]], [x[1], y[1]]));
         let origin = bounds.map_or([0.0; 2], |(low, _)| low);
@@ -40,7 +40,7 @@ impl Cloud {
             let [x, y, z] = point.position.to_array();
             ([(x - origin[0]) as f32, (y - origin[1]) as f32, z as f32], colors.at(point))
         });
-        Ok(Self { points: points.collect(), origin, colors, bounds, far: finite.len() - all.len() })
+        Ok(Self { points: points.collect(), origin, colors, bounds, far: far.len() })
     }
 
     /// Renders the visible points, the highest on top, with `per_point` pixels per screen point.
