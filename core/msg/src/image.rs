@@ -1,6 +1,7 @@
 //! Decodes image and depth messages, for views and plugins.
 
 mod compressed;
+mod rvl;
 
 use crate::any::AnyMessage;
 use crate::foxglove::{CompressedImage, RawImage};

@@ -147,7 +147,7 @@ fn looking_through_the_whole_past_and_plotting_it_keep_the_limit_of_memory() {
         assert!(usage.memory_bytes <= TIGHT_BYTES, "{usage:?} at {second} s");
     }
     let height = field(IMAGE, "height");
-    source.gather(std::slice::from_ref(&height));
+    source.gather(std::slice::from_ref(&height), &|| false);
     let usage = source.session().past_use();
     assert!(usage.memory_bytes <= TIGHT_BYTES, "{usage:?}");
     let points = source.frame().field(&height, RunTag::FIRST).unwrap().points.len();
@@ -200,7 +200,7 @@ fn fields_of_several_runs_are_read_from_disk_together_and_are_those_of_a_run_tha
         field("/surveyor/status", "cycle"),
         field(PARAMS, "publish_hz"),
     ];
-    followed.gather(&fields);
+    followed.gather(&fields, &|| false);
     let task = Task::default();
     for source in [&mut source, &mut followed] {
         source.seek(seconds(60.0), &task).unwrap();
@@ -208,8 +208,13 @@ fn fields_of_several_runs_are_read_from_disk_together_and_are_those_of_a_run_tha
         source.write(PARAMS, params(7.0)).unwrap();
         source.seek(seconds(60.0), &task).unwrap();
     }
+    // Interrupted in the middle, nothing is gathered.
+    let asked = std::cell::Cell::new(0);
+    let after_a_hundred = || asked.replace(asked.get() + 1) == 100;
+    assert!(!source.gather(&fields, &after_a_hundred));
+    assert!(fields.iter().all(|field| source.frame().field(field, RunTag::Run(RunId(0))).is_none()));
     let before = source.session().past_use().reads;
-    source.gather(&fields);
+    assert!(source.gather(&fields, &|| false));
     let usage = source.session().past_use();
     let reads = usage.reads - before;
     assert!(reads > 50 && reads <= usage.stretches as u64, "{reads} reads: {usage:?}");
@@ -230,8 +235,8 @@ fn what_a_run_writes_before_its_first_event_is_plotted_and_can_be_gone_back_to()
     let rate = field(PARAMS, "publish_hz");
     // The times of the parameters in a run, gathered anew.
     let times = |source: &mut StackSource, run: u32| {
-        source.gather(&[]);
-        source.gather(std::slice::from_ref(&rate));
+        source.gather(&[], &|| false);
+        source.gather(std::slice::from_ref(&rate), &|| false);
         let frame = source.frame();
         let series = frame.field(&rate, RunTag::Run(RunId(run))).unwrap();
         assert_eq!(series.problem, None);
@@ -256,7 +261,7 @@ fn what_a_run_writes_before_its_first_event_is_plotted_and_can_be_gone_back_to()
     // Of several messages of a buffer, each is known.
     let mut source = StackSource::new(plan(PAIR).unwrap(), None, RunOptions::default()).unwrap();
     let name = field("/runtime/processes", "name");
-    source.gather(std::slice::from_ref(&name));
+    source.gather(std::slice::from_ref(&name), &|| false);
     let frame = source.frame();
     let series = frame.field(&name, RunTag::FIRST).unwrap();
     assert_eq!((series.points.len(), &series.problem), (2, &None));

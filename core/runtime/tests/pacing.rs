@@ -243,6 +243,18 @@ impl Source for Slow {
         std::panic::panic_any("a step too far")
     }
 
+    /// Takes until it is interrupted, and only the second time no time.
+    fn gather(&mut self, _fields: &[rcs_formula::FieldRef], is_interrupted: &dyn Fn() -> bool) -> bool {
+        *self.seeks.lock().unwrap() += 1;
+        while *self.seeks.lock().unwrap() == 1 {
+            if is_interrupted() {
+                return false;
+            }
+            std::thread::yield_now();
+        }
+        true
+    }
+
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
         self.busy.write(buffer, message)
     }
@@ -280,6 +292,21 @@ fn an_emergency_stop_ends_a_seek_and_goes_before_everything_that_waits() {
     let written: Vec<_> = written.lock().unwrap().iter().map(|(buffer, ..)| buffer.clone()).collect();
     assert_eq!(written, ["/stop", "/other"]);
     assert_eq!(*seeks.lock().unwrap(), 1, "the seek that waited is gone");
+}
+
+#[test]
+fn an_emergency_stop_comes_before_the_past_of_a_curve_which_is_then_read_again() {
+    let (driver, written, reads) = slow();
+    driver.send(Control::Gather(Vec::new()));
+    let start = Instant::now();
+    while *reads.lock().unwrap() == 0 {
+        assert!(start.elapsed() < PATIENCE, "the past is never read");
+    }
+    driver.send(Control::Speed(2.0));
+    driver.send(write("/stop", stop()));
+    wait(&driver, "the rest", |frame| frame.playback.speed == 2.0);
+    assert_eq!(written.lock().unwrap().len(), 1, "the stop is written");
+    assert_eq!(*reads.lock().unwrap(), 2, "the past is read again");
 }
 
 #[test]

@@ -286,7 +286,7 @@ fn what_is_written_in_the_past_belongs_to_the_run_that_it_begins() {
     let mut source = walk(PastOptions::default());
     let task = Task::default();
     let field = FieldRef { topic: "/walker/params".to_owned(), path: "publish_hz".parse().unwrap() };
-    source.gather(std::slice::from_ref(&field));
+    source.gather(std::slice::from_ref(&field), &|| false);
     // The speeds that were written, and the acts of the operator, with their times.
     let written = |frame: &Frame, run: u32| {
         let points = &frame.field(&field, RunTag::Run(RunId(run))).unwrap().points;

@@ -164,7 +164,7 @@ fn rates_and_times_are_right_after_the_clock_of_a_log_was_set() {
     }
     // A message as a whole has nothing but its time.
     let field = FieldRef { topic: "/in".to_owned(), path: "".parse().unwrap() };
-    source.gather(std::slice::from_ref(&field));
+    source.gather(std::slice::from_ref(&field), &|| false);
     let frame = source.frame();
     let points = &frame.field(&field, RunTag::FIRST).unwrap().points;
     let mut times = Vec::new();

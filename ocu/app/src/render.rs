@@ -120,7 +120,7 @@ fn open_with(
     against: Option<&Path>,
 ) -> anyhow::Result<Box<dyn Source>> {
     let mut source = crate::stacks::open(request)?;
-    source.gather(fields);
+    source.gather(fields, &|| false);
     if let Some(against) = against {
         let this = if request.stack.is_some() { Compared::Run(RunId(0)) } else { Compared::Recorded };
         source.against(&parts::of(against)?);

@@ -1,6 +1,6 @@
-//! Compressed images: JPEG, PNG, GIF and BMP, and depth as ROS's `compressed_depth_image_transport` writes it.
+//! Compressed images: JPEG, PNG, GIF, BMP, WebP and TIFF, and depth as ROS's `compressed_depth_image_transport` writes it.
 
-use super::{ImageError, MAX_PIXELS, RgbImage, raw_to_rgb8};
+use super::{ImageError, MAX_PIXELS, RgbImage, raw_to_rgb8, rvl};
 use crate::foxglove::{CompressedImage, RawImage};
 use crate::guard::guarded;
 use ::image::{ColorType, DynamicImage, ImageReader, Limits};
@@ -9,7 +9,7 @@ use std::io::Cursor;
 
 /// Greatest width and height of a compressed image.
 const MAX_SIDE: u32 = 32_768;
-/// Part of the name of a format whose data are a PNG behind a header.
+/// Part of the name of a format whose data are a PNG, or RVL, behind a header.
 const DEPTH: &str = "compressedDepth";
 /// Size of that header, bytes: the format (`int32`) and the parameters A and B of quantised depth (`float32`).
 const DEPTH_HEADER: usize = 12;
@@ -77,14 +77,14 @@ fn decode(image: &CompressedImage) -> Result<DynamicImage, ImageError> {
     if VIDEO.iter().any(|video| lower.contains(video)) {
         return Err(ImageError::Video(format.clone()));
     }
+    let failed = |error: String| ImageError::Compressed(error);
     let mut data: Bytes = image.data.clone();
     if format.contains(DEPTH) && data.len() >= DEPTH_HEADER {
-        if lower.contains("rvl") {
-            return Err(ImageError::Encoding { got: format.clone(), expected: "compressedDepth png" });
-        }
         data = data.slice(DEPTH_HEADER..);
+        if lower.contains("rvl") {
+            return rvl::decode(&data).map(DynamicImage::ImageLuma16).map_err(failed);
+        }
     }
-    let failed = |error: String| ImageError::Compressed(error);
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
@@ -94,7 +94,9 @@ fn decode(image: &CompressedImage) -> Result<DynamicImage, ImageError> {
         .with_guessed_format()
         .map_err(|error| failed(error.to_string()))?;
     if reader.format().is_none() {
-        let text = format!("its data are no JPEG, PNG, GIF or BMP; the message states format {format:?}");
+        let text = format!(
+            "its data are no JPEG, PNG, GIF, BMP, WebP or TIFF; the message states format {format:?}"
+        );
         return Err(failed(text));
     }
     reader.limits(limits);
@@ -179,8 +181,8 @@ mod tests {
         for (format, expect) in [
             ("h264", "got format \"h264\", which is video"),
             ("H265", "got format \"H265\", which is video"),
-            ("webp", "compressed image does not decode: its data are no JPEG, PNG, GIF or BMP"),
-            ("16UC1; compressedDepth rvl", "got encoding \"16UC1; compressedDepth rvl\", expected one of"),
+            ("avif", "compressed image does not decode: its data are no JPEG, PNG, GIF, BMP, WebP or TIFF"),
+            ("16UC1; compressedDepth rvl", "compressed image does not decode: it has 0×0 pixels"),
         ] {
             let error = decompress(&image(format, vec![0; 60])).expect_err(format).to_string();
             assert!(error.starts_with(expect), "{error}");
@@ -188,11 +190,28 @@ mod tests {
     }
 
     #[test]
-    fn a_bitmap_decodes() {
+    fn each_format_without_loss_decodes() {
+        use ::image::ImageFormat::{Bmp, Png, Tiff, WebP};
         let pixel = ::image::RgbImage::from_pixel(1, 1, ::image::Rgb([1, 2, 3]));
-        let mut data = Cursor::new(Vec::new());
-        pixel.write_to(&mut data, ::image::ImageFormat::Bmp).expect("it encodes");
-        let decoded = compressed_to_rgb8(&image("bmp", data.into_inner())).expect("it decodes");
-        assert_eq!(decoded.data, [1, 2, 3]);
+        for format in [Bmp, Png, Tiff, WebP] {
+            let mut data = Cursor::new(Vec::new());
+            pixel.write_to(&mut data, format).expect("it encodes");
+            let decoded = compressed_to_rgb8(&image("", data.into_inner())).expect("it decodes");
+            assert_eq!(decoded.data, [1, 2, 3], "{format:?}");
+        }
+    }
+
+    #[test]
+    fn depth_in_rvl_is_read_like_that_in_png() {
+        let settings = [1000.0_f32, 200.0].into_iter().flat_map(f32::to_le_bytes);
+        let header: Vec<u8> = 0_i32.to_le_bytes().into_iter().chain(settings).collect();
+        // Two pixels, none of which is empty: the numbers 0 and 2, then the differences 700 and 0, which are 1400 and 0.
+        let mut rvl: Vec<u8> = [2_u32, 1].into_iter().flat_map(u32::to_le_bytes).collect();
+        rvl.extend(0x028F_D200_u32.to_le_bytes());
+        let data = [header, rvl].concat();
+        let quantised = decompress(&image("32FC1; compressedDepth rvl", data.clone())).expect("it decodes");
+        assert_eq!(depth_m(&quantised, 1.0).expect("it is depth"), [2.0, 2.0]);
+        let whole = decompress(&image("16UC1; compressedDepth rvl", data)).expect("it decodes");
+        assert_eq!((whole.encoding.as_str(), depth_m(&whole, 0.001)), ("16UC1", Ok(vec![0.7, 0.7])));
     }
 }

@@ -145,20 +145,24 @@ impl Session {
 
     /// Every message of these buffers in all runs, as far as it was kept, with the indices of the runs that have it.
     /// Those of one buffer in one run are in the order in which they were written; `None` stands for messages that were
-    /// not kept. Each stretch is read once, and what is on disk does not stay in memory.
+    /// not kept. Each stretch is read once, and what is on disk does not stay in memory. False if it was interrupted.
     pub(crate) fn each_message(
         &mut self,
         buffers: &[usize],
+        is_interrupted: &dyn Fn() -> bool,
         take: &mut impl FnMut(&[usize], usize, Option<&Sample>),
-    ) {
+    ) -> bool {
         if buffers.is_empty() {
-            return;
+            return true;
         }
         let log = self.log();
         let all: Vec<usize> = (0..self.runs.len()).collect();
         for &buffer in buffers {
             let written = &self.begun.written[buffer];
             for entry in written {
+                if is_interrupted() {
+                    return false;
+                }
                 take(&all, buffer, entry.sample(log.as_ref()).ok().as_ref());
             }
             // The session may have begun in the middle of the run.
@@ -183,10 +187,14 @@ impl Session {
                     continue;
                 };
                 for entry in samples.written[buffer].iter().filter(|entry| entry.point <= end) {
+                    if is_interrupted() {
+                        return false;
+                    }
                     take(&runs, buffer, entry.sample(log.as_ref()).ok().as_ref());
                 }
             }
         }
+        true
     }
 }
 

@@ -405,7 +405,11 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 return;
             }
             Control::Gather(fields) => {
-                self.source.gather(&fields);
+                let shared = Arc::clone(&self.shared);
+                if !self.source.gather(&fields, &|| !shared.urgent().is_empty()) {
+                    // An emergency stop comes first.
+                    self.pending.push_front(Control::Gather(fields));
+                }
                 self.idle = true;
                 return;
             }

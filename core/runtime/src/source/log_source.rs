@@ -157,8 +157,9 @@ impl Source for LogSource {
         Err(SourceError::Unsupported("a recording cannot be written to; run a stack on it".to_owned()))
     }
 
-    fn gather(&mut self, fields: &[rcs_formula::FieldRef]) {
+    fn gather(&mut self, fields: &[rcs_formula::FieldRef], _is_interrupted: &dyn Fn() -> bool) -> bool {
         self.view.gather(fields, |_| true);
+        true
     }
 
     fn compare(&mut self, pairs: &[[Compared; 2]]) {

@@ -180,8 +180,11 @@ pub trait Source: Send {
     }
     /// Ends the recording, and completes its file.
     fn stop_recording(&mut self) {}
-    /// Gathers the values of these fields over time, and of no others ([`Frame::fields`]).
-    fn gather(&mut self, _fields: &[rcs_formula::FieldRef]) {}
+    /// Gathers the values of these fields over time, and of no others ([`Frame::fields`]). False if it was interrupted
+    /// before all of them were: it is to be called again.
+    fn gather(&mut self, _fields: &[rcs_formula::FieldRef], _is_interrupted: &dyn Fn() -> bool) -> bool {
+        true
+    }
     /// Compares these pairs in the background, and no others ([`Frame::comparisons`]).
     fn compare(&mut self, _pairs: &[[Compared; 2]]) {}
     /// Sets the files of the recording that [`Compared::Other`] means; none for no recording.

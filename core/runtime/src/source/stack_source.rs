@@ -510,13 +510,14 @@ impl Source for StackSource {
         self.session.reserve(bytes);
     }
 
-    fn gather(&mut self, fields: &[rcs_formula::FieldRef]) {
+    fn gather(&mut self, fields: &[rcs_formula::FieldRef], is_interrupted: &dyn Fn() -> bool) -> bool {
         let Self { session, recorded, wired, gathering, .. } = self;
-        gathering.fields.gather(session, &gathering.times, fields);
+        let is_whole = gathering.fields.gather(session, &gathering.times, fields, is_interrupted);
         if let Some(view) = recorded {
             // A topic that feeds a buffer is shown as that buffer.
             view.gather(fields, |name| !wired.values().any(|buffer| **buffer == *name));
         }
+        is_whole
     }
 
     fn compare(&mut self, pairs: &[[Compared; 2]]) {

@@ -114,8 +114,15 @@ impl RunFields {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gathers these fields, and no others. The past is read once for all that are new.
-    pub(crate) fn gather(&self, session: &mut Session, times: &RunTimes, fields: &[FieldRef]) {
+    /// Gathers these fields, and no others. The past is read once for all that are new. False if that was interrupted:
+    /// then those that are new are not gathered.
+    pub(crate) fn gather(
+        &self,
+        session: &mut Session,
+        times: &RunTimes,
+        fields: &[FieldRef],
+        is_interrupted: &dyn Fn() -> bool,
+    ) -> bool {
         let inner = &mut *self.lock();
         inner.fields.retain(|known| fields.contains(&known.field));
         let before = inner.fields.len();
@@ -143,13 +150,17 @@ impl RunFields {
         let new = &mut inner.fields[before..];
         let read = new.iter().filter(|field| field.is_in_messages()).map(|field| field.buffer);
         let buffers: Vec<usize> = read.collect::<BTreeSet<_>>().into_iter().collect();
-        session.each_message(&buffers, &mut |runs, buffer, sample| {
+        let is_whole = session.each_message(&buffers, is_interrupted, &mut |runs, buffer, sample| {
             let of_buffer = new.iter_mut().filter(|field| field.buffer == buffer && field.is_in_messages());
             of_buffer.for_each(|field| field.take(runs, sample));
         });
+        if !is_whole {
+            inner.fields.truncate(before);
+        }
         for (index, wanted) in self.wanted.iter().enumerate() {
             wanted.store(inner.fields.iter().any(|field| field.buffer == index), Ordering::Relaxed);
         }
+        is_whole
     }
 
     /// Sets the run of what is written from now on. A new run begins with what it shares with the one that it branched
