@@ -55,7 +55,7 @@ mod time;
 mod value;
 
 pub use any::{AnyMessage, DeferredSource, Payload, schema_of};
-pub use convert::{ConvertError, canonical, canonical_name};
+pub use convert::{ConvertError, DELETES_NAMESPACE, canonical, canonical_name};
 pub use definition::MessageEncoding;
 pub use delta::{DELTA_OF, DELTA_SUFFIX, DeltaCodec, DeltaDecoder, DeltaEncoder, Stored};
 pub use header::{header_frame, header_stamp};

@@ -1,6 +1,9 @@
 //! ROS 2 CDR: conversions of hand-made messages, both byte orders, and damaged messages.
 
+mod diagnostics;
+mod foxglove_msgs;
 mod maps;
+mod stereo;
 
 use bytes::Bytes;
 use proptest::prelude::*;
@@ -545,7 +548,8 @@ proptest! {
         for name in [
             "sensor_msgs/Image", "sensor_msgs/PointCloud2", "sensor_msgs/LaserScan", "nav_msgs/Path",
             "nav_msgs/OccupancyGrid", "geometry_msgs/PoseArray", "rcl_interfaces/Log", "nav2_msgs/Costmap",
-            "grid_map_msgs/GridMap", "geometry_msgs/PolygonStamped",
+            "grid_map_msgs/GridMap", "geometry_msgs/PolygonStamped", "diagnostic_msgs/DiagnosticArray",
+            "stereo_msgs/DisparityImage",
         ] {
             let _ = canonical(&named(name), &data);
         }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use bytes::Bytes;
-use rcs_msg::{MessageEncoding, Schema, canonical, canonical_name, foxglove};
+use rcs_msg::{DELETES_NAMESPACE, MessageEncoding, Schema, canonical, canonical_name, foxglove};
 
 const TIME: &str = "builtin_interfaces/Time stamp\nstring frame_id\n===\nMSG: builtin_interfaces/Time\nint32 sec\n\
     uint32 nanosec\n";
@@ -24,6 +24,7 @@ const PARTS: &str = "===\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion or
     float32 v\n===\nMSG: visualization_msgs/MeshFile\nstring filename\nuint8[] data\n===\nMSG: std_msgs/Header\n";
 
 struct Marker {
+    namespace: &'static str,
     id: i32,
     kind: i32,
     action: i32,
@@ -38,6 +39,7 @@ struct Marker {
 impl Marker {
     fn of(kind: i32) -> Self {
         Self {
+            namespace: "plan",
             id: 7,
             kind,
             action: 0,
@@ -102,7 +104,7 @@ impl Writer {
 
     fn marker(&mut self, marker: &Marker, is_foxy: bool) {
         self.header("map");
-        self.text("plan");
+        self.text(marker.namespace);
         self.int(marker.id);
         self.int(marker.kind);
         self.int(marker.action);
@@ -150,13 +152,13 @@ fn update(schema: &Schema, bytes: &Bytes) -> foxglove::SceneUpdate {
     message.get::<foxglove::SceneUpdate>().unwrap().clone()
 }
 
-fn array(markers: &[Marker]) -> foxglove::SceneUpdate {
+fn array(rest: &str, markers: &[Marker]) -> foxglove::SceneUpdate {
     let mut writer = Writer(vec![0, 1, 0, 0]);
     writer.int(markers.len() as i32);
     for marker in markers {
-        writer.marker(marker, false);
+        writer.marker(marker, rest == FOXY);
     }
-    update(&schema("visualization_msgs/msg/MarkerArray", HUMBLE), &writer.0.into())
+    update(&schema("visualization_msgs/msg/MarkerArray", rest), &writer.0.into())
 }
 
 /// The one entity of one marker.
@@ -277,12 +279,30 @@ fn markers_of_an_array_count_one_after_the_other() {
     let ids = |update: &foxglove::SceneUpdate| {
         update.entities.iter().map(|entity| entity.id.clone()).collect::<Vec<_>>()
     };
-    let update = array(&[marker(1, 0), marker(2, 0), marker(1, 2), marker(3, 0), marker(2, 0), marker(9, 5)]);
+    let markers = [marker(1, 0), marker(2, 0), marker(1, 2), marker(3, 0), marker(2, 0), marker(9, 5)];
+    let update = array(HUMBLE, &markers);
     assert_eq!(ids(&update), ["plan/3", "plan/2"]);
     assert_eq!((update.deletions.len(), update.deletions[0].id.as_str()), (1, "plan/1"));
-    let update = array(&[marker(1, 0), marker(0, 3), marker(4, 0)]);
-    assert_eq!(ids(&update), ["plan/4"]);
-    assert_eq!(update.deletions[0].r#type(), foxglove::scene_entity_deletion::Type::All);
+}
+
+#[test]
+fn all_markers_are_deleted_or_from_humble_on_those_of_a_namespace() {
+    let add = |namespace: &'static str, id: i32| Marker { namespace, id, ..Marker::of(1).alone() };
+    let delete_all = |namespace: &'static str| Marker { action: 3, ..add(namespace, 0) };
+    let check = |rest: &str, namespace: &'static str, expect: &[&str], kind: i32, of: &str| {
+        let first = [add("plan", 1), add("plan/near", 2), add("goal", 3)];
+        let markers: Vec<Marker> = first.into_iter().chain([delete_all(namespace), add("plan", 4)]).collect();
+        let update = array(rest, &markers);
+        let ids: Vec<&str> = update.entities.iter().map(|entity| entity.id.as_str()).collect();
+        assert_eq!(ids, expect, "{namespace:?}");
+        let deletions: Vec<_> =
+            update.deletions.iter().map(|deletion| (deletion.r#type, deletion.id.as_str())).collect();
+        assert_eq!(deletions, [(kind, of)]);
+    };
+    let all = foxglove::scene_entity_deletion::Type::All.into();
+    check(HUMBLE, "", &["plan/4"], all, "");
+    check(HUMBLE, "plan", &["plan/near/2", "goal/3", "plan/4"], DELETES_NAMESPACE, "plan");
+    check(FOXY, "plan", &["plan/4"], all, "");
 }
 
 #[test]

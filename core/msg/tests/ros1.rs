@@ -1,9 +1,10 @@
 //! Messages of ROS 1: hand-made ones of several types, damaged ones, and a recorded drive.
 
 use bytes::Bytes;
+use rcs_msg::rcs::diagnostic::Level;
 use rcs_msg::{
     AnyMessage, FieldScanner, MessageEncoding, Schema, Value, canonical, canonical_name, foxglove,
-    header_frame, header_stamp, points,
+    header_frame, header_stamp, points, rcs,
 };
 use std::sync::Arc;
 
@@ -162,6 +163,18 @@ fn levels_of_log_lines_are_those_of_ros_1() {
 }
 
 #[test]
+fn messages_of_foxglove_are_read_by_the_names_of_their_fields() {
+    let definition = "time timestamp\nstring frame_id\nfloat64[] D\nfloat64[9] K";
+    let mut writer = Writer::default();
+    let bytes = writer.u32(5).u32(7).text("map").u32(1).floats(&[0.5]).floats(&[2.0; 9]).done();
+    let message = convert("foxglove_msgs/CameraCalibration", definition, &bytes);
+    assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(5_000_000_007));
+    assert_eq!(header_frame(&message).as_deref(), Some("map"));
+    let calibration = message.get::<foxglove::CameraCalibration>().expect("it is a calibration");
+    assert_eq!((calibration.d.as_slice(), calibration.k.as_slice()), (&[0.5][..], &[2.0; 9][..]));
+}
+
+#[test]
 fn a_name_without_a_readable_definition_is_not_converted() {
     assert!(canonical(&schema("nav_msgs/Path", "Other x"), &Bytes::new()).is_none());
     let error = canonical(&schema("nav_msgs/Path", "float64 length"), &Bytes::new())
@@ -183,7 +196,7 @@ fn a_time_of_too_many_nanoseconds_is_refused() {
 fn every_message_of_the_recorded_drive_reads() {
     let Some(dir) = rcs_testkit::data_dir() else { return };
     let bytes = std::fs::read(dir.join("mcap-crate-drive/uncompressed.mcap")).expect("the log is there");
-    let (mut transforms, mut states) = (0, 0);
+    let (mut transforms, mut states, mut warnings) = (0, 0, 0);
     for message in mcap::MessageStream::new(&bytes).expect("it is a log") {
         let message = message.expect("it is not damaged");
         let of = message.channel.schema.as_ref().expect("it has a schema");
@@ -198,18 +211,19 @@ fn every_message_of_the_recorded_drive_reads() {
         let stamp_s = value.header_stamp().map_or(0.0, |stamp| stamp.0 as f64 * 1e-9);
         let log_s = message.log_time as f64 * 1e-9;
         assert!((log_s - stamp_s).abs() < 10.0, "stamp {stamp_s}, log time {log_s}");
-        if let Some(message) = canonical(&schema, &data) {
-            let message = message.expect("it converts");
-            let all = message.get::<foxglove::FrameTransforms>().expect("they are transforms");
+        let message = canonical(&schema, &data).expect("a conversion is known").expect("it converts");
+        if let Some(all) = message.get::<foxglove::FrameTransforms>() {
             for rotation in all.transforms.iter().filter_map(|one| one.rotation) {
                 let squares = [rotation.x, rotation.y, rotation.z, rotation.w].map(|v| v * v);
                 assert!((squares.iter().sum::<f64>() - 1.0).abs() < 1e-3, "{rotation:?}");
             }
             transforms += 1;
         } else {
-            assert!(value.field("status").and_then(Value::len).is_some_and(|count| count > 0));
+            let diagnostics = message.get::<rcs::Diagnostics>().expect("they are diagnostics");
+            assert_eq!(Some(diagnostics.parts.len()), value.field("status").and_then(Value::len));
+            warnings += diagnostics.parts.iter().filter(|part| part.level() == Level::Warn).count();
             states += 1;
         }
     }
-    assert_eq!((transforms, states), (774, 52));
+    assert_eq!((transforms, states, warnings), (774, 52, 3));
 }

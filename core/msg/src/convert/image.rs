@@ -1,4 +1,4 @@
-//! Images and their calibration.
+//! Images, images of disparities, and calibrations.
 
 use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
@@ -10,6 +10,13 @@ pub(super) const IMAGE: Conversion = Conversion {
     signature: "iIsIIsBI[]B",
     to: "foxglove.RawImage",
     convert: image,
+};
+
+pub(super) const DISPARITY_IMAGE: Conversion = Conversion {
+    from: "stereo_msgs/DisparityImage",
+    signature: "iIsiIsIIsBI[]BffIIIIbfff",
+    to: "foxglove.RawImage",
+    convert: disparity_image,
 };
 
 pub(super) const COMPRESSED_IMAGE: Conversion = Conversion {
@@ -27,6 +34,10 @@ pub(super) const CAMERA_INFO: Conversion = Conversion {
 };
 
 fn image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    raw_image(source).map(AnyMessage::new)
+}
+
+fn raw_image(source: &mut Source<'_>) -> Result<RawImage, Unusable> {
     let header = source.header()?;
     let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);
     let encoding = source.cursor.string()?;
@@ -43,7 +54,7 @@ fn image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
             _ => data,
         };
     }
-    Ok(AnyMessage::new(RawImage {
+    Ok(RawImage {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         width,
@@ -51,7 +62,35 @@ fn image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         encoding,
         step,
         data,
-    }))
+    })
+}
+
+/// Disparities below the least one that was searched for are invalid: they become NaN. The geometry of the cameras and
+/// the window of valid pixels are left out.
+fn disparity_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let header = source.header()?;
+    let mut image = raw_image(source)?;
+    if image.frame_id.is_empty() {
+        (image.timestamp, image.frame_id) = (header.timestamp, header.frame_id);
+    }
+    let (_focal_px, _baseline_m) = (source.cursor.f32()?, source.cursor.f32()?);
+    for _ in 0..4 {
+        source.cursor.u32()?;
+    }
+    let _is_rectified = source.cursor.u8()?;
+    let least_px = source.cursor.f32()?;
+    let (_greatest_px, _step_px) = (source.cursor.f32()?, source.cursor.f32()?);
+    // Whoever draws disparities takes those up to 0 as invalid.
+    if least_px > 0.0 && image.encoding == "32FC1" {
+        let mut data = image.data.to_vec();
+        for disparity in data.as_chunks_mut::<4>().0 {
+            if f32::from_le_bytes(*disparity) < least_px {
+                *disparity = f32::NAN.to_le_bytes();
+            }
+        }
+        image.data = data.into();
+    }
+    Ok(AnyMessage::new(image))
 }
 
 fn swapped(data: &Bytes, size: usize) -> Bytes {

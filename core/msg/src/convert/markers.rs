@@ -2,7 +2,8 @@
 //!
 //! A marker is one entity, whose id is `namespace/id`. In a `SceneUpdate` deletions count before entities, whereas the
 //! markers of an array count one after the other: a marker that a later one of the same array deletes or replaces is left
-//! out. `DELETEALL` deletes the markers of all namespaces, as in RViz up to Jazzy.
+//! out. `DELETEALL` deletes the markers of its namespace; without one, and in ROS 1 and Foxy, those of all namespaces,
+//! as RViz does.
 
 use super::{Conversion, Header, Source, Unusable};
 use crate::any::AnyMessage;
@@ -48,6 +49,10 @@ pub(super) const FOXY_MARKER_ARRAY: Conversion = Conversion {
     convert: |source| array(source, Edition::Foxy),
 };
 
+/// Type of a deletion that Foxglove does not have: of the entities of a namespace, which is `id`. Their own ids are the
+/// namespace, a slash, and a number.
+pub const DELETES_NAMESPACE: i32 = 1000;
+
 /// Of a list of cubes, spheres or points, more than these are left out: each takes seven times its size in the message.
 const MOST_LISTED: usize = 100_000;
 /// Bytes of a marker without names, at least. A sequence cannot have more markers than the message has room for.
@@ -69,14 +74,14 @@ enum Edition {
 
 fn one(source: &mut Source<'_>, edition: Edition) -> Result<AnyMessage, Unusable> {
     let mut update = Update::default();
-    update.add(Marker::read(source, edition)?);
+    update.add(Marker::read(source, edition)?, edition);
     Ok(update.done())
 }
 
 fn array(source: &mut Source<'_>, edition: Edition) -> Result<AnyMessage, Unusable> {
     let mut update = Update::default();
     for _ in 0..source.cursor.length(MARKER_SIZE)? {
-        update.add(Marker::read(source, edition)?);
+        update.add(Marker::read(source, edition)?, edition);
     }
     Ok(update.done())
 }
@@ -91,7 +96,7 @@ struct Update {
 }
 
 impl Update {
-    fn add(&mut self, marker: Marker) {
+    fn add(&mut self, marker: Marker, edition: Edition) {
         let id = format!("{}/{}", marker.namespace, marker.id);
         match marker.action {
             // `ADD` and `MODIFY` are the same; 1 is out of use.
@@ -103,12 +108,21 @@ impl Update {
             2 => {
                 let before = self.by_id.remove(&id);
                 self.leave_out(before);
-                self.delete(&marker.header, DeletionType::MatchingId, id);
+                self.delete(&marker.header, DeletionType::MatchingId.into(), id);
+            }
+            3 if edition == Edition::Humble && !marker.namespace.is_empty() => {
+                let mut own = self.by_id.clone();
+                own.retain(|id, _| id.rsplit_once('/').is_some_and(|(name, _)| name == marker.namespace));
+                for (id, index) in own {
+                    self.by_id.remove(&id);
+                    self.leave_out(Some(index));
+                }
+                self.delete(&marker.header, DELETES_NAMESPACE, marker.namespace);
             }
             3 => {
                 self.entities.clear();
                 self.by_id.clear();
-                self.delete(&marker.header, DeletionType::All, String::new());
+                self.delete(&marker.header, DeletionType::All.into(), String::new());
             }
             _ => {}
         }
@@ -120,8 +134,8 @@ impl Update {
         }
     }
 
-    fn delete(&mut self, header: &Header, kind: DeletionType, id: String) {
-        self.deletions.push(SceneEntityDeletion { timestamp: header.timestamp, r#type: kind.into(), id });
+    fn delete(&mut self, header: &Header, kind: i32, id: String) {
+        self.deletions.push(SceneEntityDeletion { timestamp: header.timestamp, r#type: kind, id });
     }
 
     fn done(self) -> AnyMessage {

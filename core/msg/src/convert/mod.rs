@@ -3,9 +3,9 @@
 //! | from | to | file |
 //! | --- | --- | --- |
 //! | every message of the registry, by name | itself, typed | `schema.rs` |
-//! | `foxglove.*` in JSON | the same message, typed | `json.rs` |
+//! | `foxglove.*` in JSON, `foxglove_msgs/*` of ROS | the same message, typed | `by_name.rs` |
 //! | `foxglove.LaserScan` of a log | `foxglove.PointCloud` | `scan.rs` |
-//! | `sensor_msgs/Image` | `foxglove.RawImage` | `image.rs` |
+//! | `sensor_msgs/Image`, `stereo_msgs/DisparityImage` | `foxglove.RawImage` | `image.rs` |
 //! | `sensor_msgs/CompressedImage` | `foxglove.CompressedImage` | `image.rs` |
 //! | `sensor_msgs/CameraInfo` | `foxglove.CameraCalibration` | `image.rs` |
 //! | `sensor_msgs/PointCloud2` | `foxglove.PointCloud` | `cloud.rs` |
@@ -24,17 +24,20 @@
 //! | `grid_map_msgs/GridMap` | `foxglove.Grid` | `grid_map.rs` |
 //! | `visualization_msgs/Marker`, `visualization_msgs/MarkerArray` | `foxglove.SceneUpdate` | `markers.rs` |
 //! | `rcl_interfaces/Log`, `rosgraph_msgs/Log` | `foxglove.Log` | `log.rs` |
+//! | `diagnostic_msgs/DiagnosticArray` | `rcs.Diagnostics` | `diagnostics.rs` |
 //!
-//! Messages of ROS are read directly from their bytes; pixels and points share those bytes. If the definition in a log
-//! differs from the definitions of that name in ROS, its messages are refused. A name has several conversions where
-//! releases define it differently; without a readable definition the first one counts, for ROS 2. Messages of ROS 1 have
-//! the same conversions, since their definitions differ by the header and by times alone, which [`Source`] reads.
+//! Other messages of ROS are read directly from their bytes; pixels and points share those bytes. If the definition in
+//! a log differs from the definitions of that name in ROS, its messages are refused. A name has several conversions
+//! where releases define it differently; without a readable definition the first one counts, for ROS 2. Messages of
+//! ROS 1 have the same conversions, since their definitions differ by the header and by times alone, which [`Source`]
+//! reads.
 
+mod by_name;
 mod cloud;
+mod diagnostics;
 mod grid;
 mod grid_map;
 mod image;
-mod json;
 mod log;
 mod markers;
 mod navigation;
@@ -51,6 +54,7 @@ use crate::reader::rosmsg::Wire;
 use crate::registry::{Known, registry};
 use crate::schema::Schema;
 use bytes::Bytes;
+pub use markers::DELETES_NAMESPACE;
 use prost_types::Timestamp;
 use std::sync::Arc;
 
@@ -89,6 +93,7 @@ struct Conversion {
 
 const ROS: &[&Conversion] = &[
     &image::IMAGE,
+    &image::DISPARITY_IMAGE,
     &image::COMPRESSED_IMAGE,
     &image::CAMERA_INFO,
     &cloud::POINT_CLOUD2,
@@ -108,6 +113,8 @@ const ROS: &[&Conversion] = &[
     &grid_map::GRID_MAP,
     &log::LOG,
     &log::ROS1_LOG,
+    &diagnostics::DIAGNOSTIC_ARRAY,
+    &diagnostics::ROS1_DIAGNOSTIC_ARRAY,
     &markers::MARKER,
     &markers::MARKER_ARRAY,
     &markers::FOXY_MARKER,
@@ -140,13 +147,20 @@ pub fn canonical_name(schema: &Schema) -> Option<&'static str> {
     ours(schema).map(|known| known.name).or_else(|| conversion(schema)?.ok().map(|conversion| conversion.to))
 }
 
+/// The type of the registry whose fields messages of this schema have.
 fn ours(schema: &Schema) -> Option<&'static Known> {
-    let is_ours = match schema.message_encoding() {
-        MessageEncoding::Protobuf => true,
-        MessageEncoding::Json => schema.name().starts_with("foxglove."),
-        MessageEncoding::Cdr | MessageEncoding::Ros1 | MessageEncoding::Other(_) => false,
-    };
-    is_ours.then(|| registry().known(schema.name()))?
+    let name = schema.name();
+    match schema.message_encoding() {
+        MessageEncoding::Protobuf => registry().known(name),
+        MessageEncoding::Json => name.starts_with("foxglove.").then(|| registry().known(name))?,
+        MessageEncoding::Cdr | MessageEncoding::Ros1 => {
+            let name = name.strip_prefix("foxglove_msgs/")?;
+            // Without a readable definition nobody knows where its fields lie.
+            schema.decodable().ok()?;
+            registry().known(&format!("foxglove.{}", name.strip_prefix("msg/").unwrap_or(name)))
+        }
+        MessageEncoding::Other(_) => None,
+    }
 }
 
 /// Whether messages of this schema are scans of a log, which become clouds. Scans that a stack itself writes have the
@@ -154,14 +168,16 @@ fn ours(schema: &Schema) -> Option<&'static Known> {
 fn is_scan(schema: &Schema) -> bool {
     let is_own =
         || registry().schema(scan::FOXGLOVE).is_some_and(|own| std::ptr::eq(schema, Arc::as_ptr(own)));
-    schema.name() == scan::FOXGLOVE && ours(schema).is_some() && !is_own()
+    ours(schema).is_some_and(|known| known.name == scan::FOXGLOVE) && !is_own()
 }
 
 /// A message of the registry in its typed form.
 fn typed(schema: &Schema, known: &Known, bytes: &Bytes) -> Result<AnyMessage, String> {
-    let message = match schema.message_encoding() {
-        MessageEncoding::Json => json::decode(known, bytes)?,
-        _ => (known.decode)(bytes.clone()).map_err(|error| error.to_string())?,
+    let message = if *schema.message_encoding() == MessageEncoding::Protobuf {
+        (known.decode)(bytes.clone()).map_err(|error| error.to_string())?
+    } else {
+        let reader = schema.reader().map_err(|error| error.to_string())?;
+        by_name::typed(known, reader.read(bytes)?)?
     };
     match message.get::<LaserScan>().filter(|_| is_scan(schema)) {
         Some(scan) => scan::of_foxglove(scan).map_err(|error| error.to_string()),

@@ -21,7 +21,7 @@ use rcs_msg::foxglove::{
     SceneEntity, SceneUpdate, SpherePrimitive, TextPrimitive, TriangleListPrimitive,
 };
 use rcs_msg::prost_types::Duration;
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_msg::{AnyMessage, DELETES_NAMESPACE, Stamp};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::fmt;
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -310,6 +310,10 @@ impl Growing {
         let mut ended = Vec::<usize>::new();
         let mut deletes_all = false;
         for deletion in &update.deletions {
+            if deletion.r#type == DELETES_NAMESPACE {
+                deleted.append(&mut self.take_namespace(&deletion.id));
+                continue;
+            }
             match deletion.r#type() {
                 Deletion::All => {
                     deleted.append(&mut self.open);
@@ -350,6 +354,16 @@ impl Growing {
             self.forget(log_time);
         }
         self.append(log_time, update, shared, &sizes, &replaced);
+    }
+
+    /// Takes the entities of a namespace out of `open`.
+    fn take_namespace(&mut self, namespace: &str) -> BTreeMap<String, usize> {
+        let begin = format!("{namespace}/");
+        let ids = self.open.range(begin.clone()..).map(|(id, _)| id);
+        // An id with another slash is of a namespace that begins like this one.
+        let is_own = |id: &&String| !id[begin.len()..].contains('/');
+        let own: Vec<String> = ids.take_while(|id| id.starts_with(&begin)).filter(is_own).cloned().collect();
+        own.iter().filter_map(|id| self.open.remove_entry(id)).collect()
     }
 
     /// Adds the entities of a message as far as there is room; those that it replaces have been closed.

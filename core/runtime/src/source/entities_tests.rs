@@ -70,6 +70,21 @@ fn an_entity_exists_until_it_is_replaced_or_deleted_or_its_lifetime_has_passed()
 }
 
 #[test]
+fn entities_of_a_namespace_are_deleted_and_those_of_one_that_begins_like_it_stay() {
+    let ids = [("a/1", 0), ("a/b/1", 0), ("ab/1", 0), ("a", 0)];
+    let namespace = SceneEntityDeletion { timestamp: None, r#type: DELETES_NAMESPACE, id: "a".to_owned() };
+    let deletes = |entities| SceneUpdate { deletions: vec![namespace.clone()], ..entities };
+    let again = deletes(adds(&[("a/3", 0)]));
+    let watch = watch([(1, adds(&ids)), (2, deletes(adds(&[]))), (3, adds(&[("a/2", 0)])), (4, again)]);
+    let stays = [("a/b/1", 1), ("ab/1", 1), ("a", 1)];
+    // In any order.
+    assert_eq!(at(&watch, 4, 4), known(&[&stays[..], &[("a/3", 4)]].concat()));
+    assert_eq!(at(&watch, 2, 2), known(&stays));
+    assert_eq!(at(&watch, 3, 3), known(&[&stays[..], &[("a/2", 3)]].concat()));
+    assert_eq!(at(&watch, 1, 1), known(&ids.map(|(id, _)| (id, 1))));
+}
+
+#[test]
 fn what_has_not_been_read_yet_is_not_known() {
     let watch = watch([(1, adds(&[("a", 0)]))]);
     assert_eq!(at(&watch, 3, 1), known(&[("a", 1)]));

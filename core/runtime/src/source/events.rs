@@ -1,4 +1,5 @@
-//! Events of a run or a recording: commands, changes of mode, errors, acts of the operator, bumper hits and log lines.
+//! Events of a run or a recording: commands, changes of mode, errors, acts of the operator, bumper hits, log lines and
+//! changes in diagnostics.
 //!
 //! The source's thread finds them in the messages as they are written (or, for a recording, as it is read in the
 //! background), and only appends. A frame refers to the events of each run with a length, so that a longer run makes no
@@ -7,6 +8,7 @@
 use super::known::Known;
 use super::per_run::{Gathered, Written};
 use super::run_tag::RunTag;
+use rcs_msg::rcs::diagnostic::Level;
 use rcs_msg::rcs::r#override::Mode;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::collections::BTreeMap;
@@ -14,7 +16,7 @@ use std::fmt;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 /// Types of messages in which events are found.
-const EVENT_TYPES: [&str; 7] = [
+const EVENT_TYPES: [&str; 8] = [
     "rcs.Status",
     "rcs.Command",
     "rcs.EmergencyStop",
@@ -22,6 +24,7 @@ const EVENT_TYPES: [&str; 7] = [
     "rcs.VehicleStatus",
     "rcs.Bumper",
     "foxglove.Log",
+    "rcs.Diagnostics",
 ];
 /// Driving by hand is one event until nothing was commanded for this time.
 const HAND_S: f64 = 1.0;
@@ -29,6 +32,8 @@ const HAND_S: f64 = 1.0;
 const QUIET_S: f64 = 10.0;
 /// Texts of states that are remembered of a process.
 const MOST_TEXTS: usize = 64;
+/// Parts whose level is remembered of a topic with diagnostics.
+const MOST_PARTS: usize = 10_000;
 /// The writer of what the operator writes, in a journal.
 const OPERATOR: &str = "operator";
 
@@ -49,7 +54,7 @@ pub enum EventKind {
     Command,
     /// A process changed its state.
     Mode,
-    /// A line of a log.
+    /// A line of a log, or another level of a part in the diagnostics.
     Log,
 }
 
@@ -66,7 +71,7 @@ impl EventKind {
             Self::Operator => &["rcs.EmergencyStop", "rcs.JournalEvent"],
             Self::Command => &["rcs.Command"],
             Self::Mode => &["rcs.Status"],
-            Self::Log => &["foxglove.Log"],
+            Self::Log => &["foxglove.Log", "rcs.Diagnostics"],
         };
         types.contains(&type_name)
     }
@@ -336,6 +341,8 @@ impl EventWatch {
             };
             let source = if log.name.is_empty() { &**topic } else { &log.name };
             add(EventKind::Log, level, source, log.message.clone());
+        } else if let Some(diagnostics) = message.get::<rcs::Diagnostics>() {
+            diagnostic_events(known, at, diagnostics, &mut add);
         }
         if !found.is_empty() {
             let mut store = self.store.write().unwrap_or_else(PoisonError::into_inner);
@@ -447,6 +454,34 @@ fn bumper_events(
         }
     }
     known.bumper.set(at, now);
+}
+
+/// A part is told when its level changes, and first when it is not OK: diagnostics repeat every second.
+fn diagnostic_events(
+    known: &mut Known,
+    at: Written,
+    diagnostics: &rcs::Diagnostics,
+    add: &mut impl FnMut(EventKind, EventLevel, &str, String),
+) {
+    for part in &diagnostics.parts {
+        let id = (part.name.clone(), part.hardware_id.clone());
+        if !known.parts.contains_key(&id) && known.parts.len() >= MOST_PARTS {
+            known.parts.clear();
+        }
+        let told = known.parts.entry(id).or_default();
+        let before = told.get().copied().unwrap_or(Level::Ok.into());
+        told.set(at, part.level);
+        if part.level != before {
+            let level = match part.level() {
+                Level::Ok => EventLevel::Info,
+                Level::Warn | Level::Stale => EventLevel::Warning,
+                Level::Error => EventLevel::Error,
+            };
+            let text = [part.level().as_str_name(), &part.message, &part.hardware_id];
+            let text = text.into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" · ");
+            add(EventKind::Log, level, &part.name, text);
+        }
+    }
 }
 
 /// The text of a state without its numbers, which change while the state does not.

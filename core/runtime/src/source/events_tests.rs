@@ -58,6 +58,45 @@ fn only_changes_of_a_state_are_events_and_numbers_in_its_text_are_none() {
 }
 
 #[test]
+fn a_part_in_the_diagnostics_is_an_event_when_its_level_changes_and_not_when_it_repeats() {
+    let mut watch = EventWatch::default();
+    let topic: Arc<str> = "/diagnostics".into();
+    let part = |name: &str, level: Level, message: &str| rcs::Diagnostic {
+        level: level.into(),
+        name: name.into(),
+        message: message.into(),
+        hardware_id: if name == "lidar" { "HDL-32E".into() } else { String::new() },
+    };
+    let heard = [
+        vec![part("lidar", Level::Ok, "10.0 Hz"), part("disk", Level::Warn, "91 % full")],
+        vec![part("lidar", Level::Ok, "9.9 Hz"), part("disk", Level::Warn, "92 % full")],
+        vec![part("lidar", Level::Error, "no packets")],
+        vec![part("lidar", Level::Error, "no packets"), part("disk", Level::Stale, "")],
+        vec![part("lidar", Level::Ok, "10.0 Hz")],
+    ];
+    for (second, parts) in (0_u64..).zip(heard) {
+        let message = AnyMessage::new(rcs::Diagnostics { parts, ..rcs::Diagnostics::default() });
+        take(&mut watch, &topic, Stamp(second * 1_000_000_000), &message);
+    }
+    let mut found = Vec::new();
+    let events = watch.read(RunTag::FIRST);
+    events.each_from(0, |_, event| found.push((event.level, format!("{}: {}", event.source, event.text))));
+    let wanted = [
+        (EventLevel::Warning, "disk: WARN · 91 % full"),
+        (EventLevel::Error, "lidar: ERROR · no packets · HDL-32E"),
+        (EventLevel::Warning, "disk: STALE"),
+        (EventLevel::Info, "lidar: OK · 10.0 Hz · HDL-32E"),
+    ];
+    assert_eq!(found, wanted.map(|(level, text)| (level, text.to_owned())));
+    // A run that branches before the error tells it again.
+    let mut branch = watch.fork(Written { time: Stamp(1_000_000_000), messages: 2 });
+    let parts = vec![part("disk", Level::Warn, "92 % full"), part("lidar", Level::Error, "no packets")];
+    let message = AnyMessage::new(rcs::Diagnostics { parts, ..rcs::Diagnostics::default() });
+    take(&mut branch, &topic, Stamp(2_000_000_000), &message);
+    assert_eq!(branch.read(RunTag::FIRST).len(), 2);
+}
+
+#[test]
 fn a_branch_begins_with_what_was_known_where_it_leaves_its_parent() {
     let second = |second: u64| Stamp(second * 1_000_000_000);
     let [planner, bumper, stop]: [Arc<str>; 3] = ["/planner/status", "/bumper", "/stop"].map(Into::into);

@@ -82,12 +82,15 @@ pub(super) struct Known {
     pub(super) bumper: Changes<[bool; 2]>,
     /// When the operator drove by hand.
     pub(super) driven: Periods,
+    /// Levels in diagnostics by the name and the hardware of a part.
+    pub(super) parts: BTreeMap<(String, String), Changes<i32>>,
 }
 
 impl Known {
     /// What was known at `at`.
     pub(super) fn fork(&self, at: Written) -> Self {
         let texts = self.texts.iter().map(|(text, seen)| (text.clone(), seen.fork(at)));
+        let parts = self.parts.iter().map(|(part, levels)| (part.clone(), levels.fork(at)));
         Self {
             state: self.state.fork(at),
             texts: texts.filter(|(_, seen)| !seen.0.is_empty()).collect(),
@@ -98,6 +101,7 @@ impl Known {
             refusals: self.refusals.fork(at),
             bumper: self.bumper.fork(at),
             driven: self.driven.fork(at),
+            parts: parts.filter(|(_, levels)| !levels.0.is_empty()).collect(),
         }
     }
 }

@@ -47,9 +47,13 @@ pub(super) enum Quantity {
 }
 
 impl Quantity {
-    /// Derived from the topic's metadata.
+    /// By the topic's role, or by its type where a log has no role metadata.
     pub(super) fn of(topic: &Topic) -> Self {
-        if topic.role() == Some(Role::Disparity) { Self::Disparity } else { Self::Range }
+        let is_disparity = topic.role().map_or_else(
+            || matches!(topic.schema.name(), "stereo_msgs/DisparityImage" | "stereo_msgs/msg/DisparityImage"),
+            |role| role == Role::Disparity,
+        );
+        if is_disparity { Self::Disparity } else { Self::Range }
     }
 
     /// Name of one of them.

@@ -21,6 +21,8 @@ pub(crate) enum Thing<'a> {
     Entities(PlacedEntities),
     /// Points of a path in the layer's frame.
     Path(Vec<DVec3>),
+    /// A set of poses in the layer's frame.
+    Poses(Vec<Pose>),
     /// Points of a track up to now, and where it is now: position and heading.
     Track {
         points: Vec<DVec3>,
@@ -87,6 +89,7 @@ fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {
         Kind::Grid(grid) => Thing::Grid(grid),
         Kind::Cloud => Thing::Cloud(layer.topic?.canonical()?),
         Kind::Path(path) => Thing::Path(super::paint::path_places(path)),
+        Kind::Poses(set) => Thing::Poses(crate::pose::drawn(set).collect()),
         Kind::Plan(plan) => Thing::Path(super::plan::chosen_places(plan)),
         Kind::Track { track, is_ghost: false } => {
             let count = track.points.count_until(now);

@@ -26,6 +26,8 @@ pub(super) enum Kind<'a> {
     Entities(&'a [Arc<Entity>]),
     /// A planned path.
     Path(&'a PosesInFrame),
+    /// Poses of which none follows another, such as the particles of a filter.
+    Poses(&'a PosesInFrame),
     /// A goal.
     Goal(&'a PoseInFrame),
     /// A plan: the chosen and the best rejected path.
@@ -80,9 +82,10 @@ impl Layer<'_> {
         self.topic.is_some_and(|topic| matches!(topic.role(), Some(Role::Cost | Role::Cloud)))
     }
 
-    /// Whether it is what a vehicle planned at one time: a path, a plan, or the arcs that were considered.
-    pub(super) fn is_planned(&self) -> bool {
-        matches!(self.kind, Kind::Path(_) | Kind::Plan(_) | Kind::Arcs(_))
+    /// Whether it is what a vehicle planned or estimated at one time: a path, a plan, the arcs that were considered, or a
+    /// set of poses.
+    pub(super) fn is_of_one_time(&self) -> bool {
+        matches!(self.kind, Kind::Path(_) | Kind::Poses(_) | Kind::Plan(_) | Kind::Arcs(_))
     }
 
     /// Whether it is outdated relative to its rate.
@@ -99,6 +102,12 @@ impl Layer<'_> {
 /// Whether the topic contains a goal, whose positions are not a track.
 fn is_goal(topic: &Topic) -> bool {
     topic.role() == Some(Role::Goal) && topic.type_name() == "foxglove.PoseInFrame"
+}
+
+/// Whether the poses of a topic are a set. Those of other types are a path: Foxglove's message does not say which they
+/// are.
+fn is_set_of_poses(topic: &Topic) -> bool {
+    matches!(topic.schema.name(), "geometry_msgs/PoseArray" | "geometry_msgs/msg/PoseArray")
 }
 
 /// All layers of a frame from bottom to top; ground truth is on top of its kind.
@@ -132,7 +141,10 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
                 }));
             }
             "foxglove.PosesInFrame" => {
-                paths.extend(topic.get::<PosesInFrame>().map(|path| layer(Kind::Path(path), &path.frame_id)));
+                paths.extend(topic.get::<PosesInFrame>().map(|poses| {
+                    let kind = if is_set_of_poses(topic) { Kind::Poses(poses) } else { Kind::Path(poses) };
+                    layer(kind, &poses.frame_id)
+                }));
             }
             "rcs.Plan" => {
                 paths.extend(topic.get::<Plan>().map(|plan| layer(Kind::Plan(plan), &plan.frame_id)));
@@ -408,6 +420,7 @@ mod tests {
     use super::*;
     use crate::samples;
     use rcs_geom::TransformTree;
+    use rcs_msg::{MessageEncoding, Schema};
 
     #[test]
     fn before_the_first_transform_and_after_the_last_one_the_nearer_one_is_used() {
@@ -429,6 +442,20 @@ mod tests {
         let count = |topic| layers(&Frame { topics: Arc::new([topic]), ..samples::empty() }).len();
         assert_eq!(count(grid(0)), 0);
         assert_eq!(count(grid(5)), 1, "a grid that lacks its data is shown as faulty");
+    }
+
+    #[test]
+    fn the_poses_of_an_array_are_a_set_and_those_of_foxglove_a_path() {
+        let path = samples::topic("/path", 1.0, 0.0, PosesInFrame::default());
+        let array = |name: &str| {
+            let schema = Arc::new(Schema::new(name, MessageEncoding::Cdr, "ros2idl", Vec::new().into()));
+            Topic::new("/particles", RunTag::Recorded, schema).with_latest(path.latest.clone().unwrap())
+        };
+        for name in ["geometry_msgs/msg/PoseArray", "geometry_msgs/PoseArray"] {
+            let frame = Frame { topics: Arc::new([array(name), path.clone()]), ..samples::empty() };
+            let kinds: Vec<_> = layers(&frame).into_iter().map(|layer| layer.kind).collect();
+            assert!(matches!(kinds[..], [Kind::Poses(_), Kind::Path(_)]), "{name}");
+        }
     }
 
     #[test]

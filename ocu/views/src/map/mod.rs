@@ -276,7 +276,7 @@ impl Map {
         let mut labels = self.labels(canvas);
         let mut goals = goals::of(cx.frame, map, &shown);
         for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(layer).shown) {
-            let is_old = layer.is_planned() && layer.is_stale(cx.frame.now);
+            let is_old = layer.is_of_one_time() && layer.is_stale(cx.frame.now);
             let color =
                 if is_old { tokens(ui).stale } else { tokens(ui).series(panel::series(layers, index)) };
             match (layer.kind, place(layer)) {
@@ -284,6 +284,7 @@ impl Map {
                     self.flat(layer).iter().for_each(|it| it.paint(&painter, viewport, canvas, &mut labels));
                 }
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
+                (Kind::Poses(set), Ok(pose)) => paint::poses(&painter, set, &pose, viewport, canvas, color),
                 (Kind::Plan(plan), Ok(map_from_layer)) => {
                     let at = plan::At { map_from_layer, viewport, canvas };
                     plan::paths(&painter, plan, at, tokens(ui), color, is_old, &mut labels);
@@ -444,7 +445,7 @@ impl Map {
                     picture::cloud(ui.ctx(), layer, map, pose).map_or(0, |cloud| cloud.far)
                 }
                 (Kind::Entities(_), _) => self.flat(layer).map_or(0, |flat| flat.far),
-                (Kind::Path(path), Ok(pose)) => {
+                (Kind::Path(path) | Kind::Poses(path), Ok(pose)) => {
                     let points: Vec<_> = paint::path_points(path, &pose).collect();
                     let near = Near::of(points.iter().copied());
                     points.iter().filter(|point| !near.has(**point)).count()

@@ -10,6 +10,7 @@ use super::track::line;
 use super::uncertainty::{self, Covariance};
 use crate::canvas::Viewport;
 use crate::clip::{self, is_place};
+use crate::pose;
 use egui::epaint::Vertex;
 use egui::{
     Align2, Color32, FontId, Id, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureId, Ui, Vec2,
@@ -23,6 +24,8 @@ use rcs_runtime::source::Frame;
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
+/// Least length of the arrow of a pose, screen points: it is seen where the map shows a lot.
+const LEAST_ARROW: f64 = 6.0;
 /// Distance from the position of a vehicle within which its mark lies, screen points.
 const VEHICLE: f32 = 12.0;
 
@@ -188,20 +191,41 @@ pub(super) fn path(
     painter.extend(clip::dashed(&line, Stroke::new(2.0, color), color));
 }
 
+/// A set of poses.
+pub(super) fn poses(
+    painter: &Painter,
+    set: &PosesInFrame,
+    map_from_set: &Pose,
+    viewport: Viewport,
+    canvas: Rect,
+    color: Color32,
+) {
+    let length_m = pose::ARROW_M.max(LEAST_ARROW / viewport.scale);
+    let visible = canvas.expand((length_m * viewport.scale) as f32);
+    let screen = |p: DVec3| viewport.to_screen(canvas, [p.x, p.y]);
+    for pose in pose::drawn(set).map(|pose| *map_from_set * pose) {
+        if visible.contains(screen(pose.translation)) {
+            for ends in pose::arrow(&pose, length_m) {
+                painter.line_segment(ends.map(screen), Stroke::new(1.0, color));
+            }
+        }
+    }
+}
+
 /// Points of a path on the map.
 pub(super) fn path_points<'a>(
     path: &'a PosesInFrame,
     map_from_path: &'a Pose,
 ) -> impl Iterator<Item = [f64; 2]> + 'a {
     path.poses.iter().filter_map(|pose| {
-        let p = *map_from_path * crate::pose::from_message(Some(pose)).ok()?.translation;
+        let p = *map_from_path * pose::from_message(Some(pose)).ok()?.translation;
         Some([p.x, p.y])
     })
 }
 
 /// Places along a path, in its own frame.
 pub(super) fn path_places(path: &PosesInFrame) -> Vec<DVec3> {
-    let place = |pose| Some(crate::pose::from_message(Some(pose)).ok()?.translation);
+    let place = |pose| Some(pose::from_message(Some(pose)).ok()?.translation);
     path.poses.iter().filter_map(place).collect()
 }
 

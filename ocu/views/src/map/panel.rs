@@ -10,14 +10,14 @@ use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens, widgets};
 use rcs_runtime::source::Frame;
 
-/// Index of a layer's line colour; only lines have colours of their own.
+/// Index of a layer's line colour; only lines and arrows have colours of their own.
 pub(super) fn series(layers: &[Layer<'_>], index: usize) -> usize {
     layers[..index].iter().filter(|layer| is_line(layer)).count()
 }
 
-/// Whether a layer is a line with a colour of its own.
+/// Whether a layer is a line, or arrows, with a colour of its own.
 fn is_line(layer: &Layer<'_>) -> bool {
-    matches!(layer.kind, Kind::Track { .. } | Kind::Path(_) | Kind::Plan(_))
+    matches!(layer.kind, Kind::Track { .. } | Kind::Path(_) | Kind::Poses(_) | Kind::Plan(_))
 }
 
 /// Height of a line of the legend, screen points.
@@ -90,7 +90,7 @@ impl Map {
         };
         let age_s = layer.topic.and_then(|topic| topic.age_s(frame.now));
         let (old, is_area) = (layer.is_stale(frame.now), matches!(layer.kind, Kind::Grid(_) | Kind::Cloud));
-        if let Some(age_s) = age_s.filter(|_| is_area || (old && layer.is_planned())) {
+        if let Some(age_s) = age_s.filter(|_| is_area || (old && layer.is_of_one_time())) {
             let age = format::age(age_s);
             let text = if old { format!("old: {age}") } else { format!("age {age}") };
             let place = match layer.frame_id {
@@ -237,7 +237,7 @@ impl Map {
                 let placed = self.tracks.placed.get(&layer.name);
                 let visible = match layer.kind {
                     Kind::Track { .. } => placed.is_some_and(|track| track.error.is_none()),
-                    Kind::Path(_) | Kind::Plan(_) => true,
+                    Kind::Path(_) | Kind::Poses(_) | Kind::Plan(_) => true,
                     _ => false,
                 };
                 if drawn && visible {
@@ -285,6 +285,7 @@ fn heading(ui: &mut Ui, layers: &[Layer<'_>], index: usize, state: &mut LayerSta
         Kind::Cloud => icons::ICON_GRAIN,
         Kind::Entities(_) => icons::ICON_CATEGORY,
         Kind::Path(_) => icons::ICON_ROUTE,
+        Kind::Poses(_) => icons::ICON_NEAR_ME,
         Kind::Goal(_) => icons::ICON_FLAG,
         Kind::Plan(_) => icons::ICON_ALT_ROUTE,
         Kind::Arcs(_) => icons::ICON_TURN_SLIGHT_RIGHT,

@@ -44,7 +44,7 @@ const CONVERTED: [&str; 14] = [
 ];
 
 /// Types that show something in space or in a picture, and that no view draws.
-const NOT_DRAWN: [&str; 12] = [
+const NOT_DRAWN: [&str; 11] = [
     "foxglove.CompressedVideo",
     "foxglove.GeoJSON",
     "geometry_msgs/PointStamped",
@@ -53,7 +53,6 @@ const NOT_DRAWN: [&str; 12] = [
     "octomap_msgs/Octomap",
     "sensor_msgs/PointCloud",
     "sensor_msgs/Range",
-    "stereo_msgs/DisparityImage",
     "vision_msgs/Detection2DArray",
     "vision_msgs/Detection3D",
     "vision_msgs/Detection3DArray",

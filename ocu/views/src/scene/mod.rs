@@ -402,6 +402,13 @@ impl Scene {
                     shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.1), color, 3.0);
                     Content::Made(Arc::new(shapes.finish()))
                 }
+                Thing::Poses(poses) => {
+                    let mut shapes = around(pose);
+                    for ends in poses.iter().flat_map(|pose| crate::pose::arrow(pose, crate::pose::ARROW_M)) {
+                        shapes.line(ends.map(|p| p + DVec3::Z * 0.1), color, 1.5);
+                    }
+                    Content::Made(Arc::new(shapes.finish()))
+                }
                 Thing::Track { points, here } => {
                     let mut shapes = around(pose);
                     shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.05), color, 2.0);

@@ -7,7 +7,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
-use rcs_runtime::source::Frame;
+use rcs_msg::{MessageEncoding, Schema};
+use rcs_runtime::source::{Frame, RunTag, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -111,16 +112,22 @@ fn disparities_are_read_in_pixels_and_so_is_their_scale() {
         data: data.into(),
         ..RawImage::default()
     };
-    let mut topic = samples::topic("/stereo/disparity", 5.0, 0.1, image);
-    topic.metadata = Arc::new(BTreeMap::from([("rcs.role".to_owned(), "disparity".to_owned())]));
-    let frame = Frame { topics: Arc::new([topic]), ..samples::empty() };
-    let mut harness = harness(Shown::new("camera", frame), LARGE, Theme::Dark);
-    harness.run();
-    let canvas = harness.get_by_label("Image of /stereo/disparity").rect();
-    harness.hover_at(canvas.center());
-    harness.run();
-    assert_eq!(count(&harness, "46.000 px"), 1);
-    assert_eq!(count(&harness, "50.0 px"), 1, "the end of the scale");
+    let mut by_role = samples::topic("/stereo/disparity", 5.0, 0.1, image);
+    let name = "stereo_msgs/msg/DisparityImage";
+    let ros = Schema::new(name, MessageEncoding::Cdr, "ros2idl", Vec::new().into());
+    let by_type = Topic::new("/stereo/disparity", RunTag::Recorded, Arc::new(ros));
+    let by_type = by_type.with_latest(by_role.latest.clone().unwrap());
+    by_role.metadata = Arc::new(BTreeMap::from([("rcs.role".to_owned(), "disparity".to_owned())]));
+    for topic in [by_role, by_type] {
+        let frame = Frame { topics: Arc::new([topic]), ..samples::empty() };
+        let mut harness = harness(Shown::new("camera", frame), LARGE, Theme::Dark);
+        harness.run();
+        let canvas = harness.get_by_label("Image of /stereo/disparity").rect();
+        harness.hover_at(canvas.center());
+        harness.run();
+        assert_eq!(count(&harness, "46.000 px"), 1);
+        assert_eq!(count(&harness, "50.0 px"), 1, "the end of the scale");
+    }
 }
 
 #[test]

@@ -1,18 +1,22 @@
-//! Foxglove's messages as JSON: the fields of its protobuf schemas, with bytes as base64, times as `sec` and `nsec`,
-//! and choices as numbers.
+//! Foxglove's messages as JSON and as messages of ROS (package `foxglove_msgs`): the fields of its protobuf schemas by
+//! their names, with choices as numbers. Fields that the schema does not have are left out.
+//!
+//! | | JSON | ROS 2 | ROS 1 |
+//! | --- | --- | --- | --- |
+//! | times and durations | `sec`, `nsec` | `sec`, `nanosec` | `secs`, `nsecs` |
+//! | bytes | base64 | `uint8[]` | `uint8[]` |
+//! | matrices of a calibration | `K` | `k` | `K` |
 //!
 //! Protobuf's own JSON is read, too: times as texts, choices and numbers that JSON lacks by their names, and names of
-//! fields in camel case. Fields that the schema does not have are left out.
+//! fields in camel case.
 
 use crate::any::AnyMessage;
 use crate::path::FieldPath;
-use crate::reader::Reader;
 use crate::reader::protobuf::dynamic;
 use crate::registry::{Known, registry};
 use crate::value::Value;
 use base64::Engine as _;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-use bytes::Bytes;
 use prost::Message as _;
 use prost_reflect::{FieldDescriptor, Kind, MessageDescriptor};
 use prost_types::Timestamp;
@@ -23,15 +27,15 @@ static BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Decodes a message of a generated type from JSON.
-pub(super) fn decode(known: &Known, bytes: &Bytes) -> Result<AnyMessage, String> {
+/// A message of a generated type from the tree of a message of JSON or ROS.
+pub(super) fn typed(known: &Known, tree: Value) -> Result<AnyMessage, String> {
     let descriptor = registry().descriptor(known.name).ok_or("it has no descriptor")?;
-    let tree = message(&descriptor, Reader::Json.read(bytes)?)?;
+    let tree = message(&descriptor, tree)?;
     let message = dynamic(&descriptor, &tree, &FieldPath::root()).map_err(|error| error.to_string())?;
     (known.decode)(message.encode_to_vec().into()).map_err(|error| error.to_string())
 }
 
-/// A tree of JSON as one of protobuf. What does not fit is left as it is: [`dynamic`] refuses it with its path.
+/// A tree of JSON or ROS as one of protobuf. What does not fit is left as it is: [`dynamic`] refuses it with its path.
 fn message(descriptor: &MessageDescriptor, value: Value) -> Result<Value, String> {
     let is_stamp = descriptor.full_name() == "google.protobuf.Timestamp";
     let is_time = is_stamp || descriptor.full_name() == "google.protobuf.Duration";
@@ -49,11 +53,14 @@ fn message(descriptor: &MessageDescriptor, value: Value) -> Result<Value, String
     let mut out = Vec::with_capacity(fields.len());
     for (name, value) in fields {
         let name = match name.as_str() {
-            "sec" if is_time => "seconds",
-            "nsec" | "nanosec" if is_time => "nanos",
+            "sec" | "secs" if is_time => "seconds",
+            "nsec" | "nsecs" | "nanosec" if is_time => "nanos",
             name => name,
         };
         let field = descriptor.get_field_by_name(name).or_else(|| descriptor.get_field_by_json_name(name));
+        // ROS 2 has no capital letters in names.
+        let field =
+            field.or_else(|| descriptor.fields().find(|field| field.name().eq_ignore_ascii_case(name)));
         if let Some(field) = field {
             out.push((field.name().to_owned(), content(&field, value)?));
         }
