@@ -1,8 +1,9 @@
 //! `ocu latency`: how old messages are when they become visible.
 //!
 //! The age of a message is its `log_time` less the time at which what it tells of was sensed: its `publish_time` where this
-//! program has recorded it, else its own stamp, if it has one. A hop is from a process's input to its output: messages
-//! belong together that tell of the same moment.
+//! program has recorded it, else its own stamp, else its `publish_time`, unless that repeats the `log_time`. Where there is
+//! none of them, or the stamps are of another clock than the log time, a buffer has no age, and the reason is said. A hop is
+//! from a process's input to its output: messages belong together that tell of the same moment.
 //!
 //! A buffer with several writers does not say which of them wrote a message. Each process publishes what it wrote, and
 //! then its status, at one time: the writer is the one whose status comes next.
@@ -13,14 +14,18 @@ use crate::table::{Align, Table};
 use anyhow::Context as _;
 use rcs_log::{CursorOptions, Log, LogMessage, LogTopic, TopicId};
 use rcs_msg::channel::WRITER;
-use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
-use rcs_runtime::{acquisition_time, states_acquisition};
+use rcs_msg::{AnyMessage, Stamp, header_stamp, rcs, schema_of};
+use rcs_runtime::states_acquisition;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
+use std::ops::RangeInclusive;
 
 /// Moments of one buffer that are remembered to find where an output came from.
 const MOMENTS: usize = 20_000;
+/// Ages between which the median of a buffer lies if its stamps and the log time are of one clock, ms: from a second in the
+/// future to an hour.
+const OF_ONE_CLOCK_MS: RangeInclusive<f64> = -1e3..=3.6e6;
 
 /// `ocu latency --json`.
 #[derive(Debug, Serialize)]
@@ -46,25 +51,33 @@ struct HopReport {
     took: Spread,
 }
 
-/// Durations of so many messages.
+/// Durations of so many messages; `None` where they are unknown, for a reason.
 #[derive(Debug, Serialize)]
 struct Spread {
     messages: usize,
-    p50_ms: f64,
-    p95_ms: f64,
-    max_ms: f64,
+    p50_ms: Option<f64>,
+    p95_ms: Option<f64>,
+    max_ms: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<&'static str>,
 }
 
 impl Spread {
-    /// Of durations in nanoseconds, one at least.
-    fn new(durations_ns: &[i64]) -> Self {
+    /// Of the durations of those of so many messages that have one, in nanoseconds.
+    fn new(messages: usize, durations_ns: &[i64]) -> Self {
         let mut sorted = durations_ns.to_vec();
         sorted.sort_unstable();
         let at = |percent: usize| {
             let index = (sorted.len() * percent).div_ceil(100).saturating_sub(1);
-            sorted.get(index).map_or(0.0, |&ns| ns as f64 * 1e-6)
+            sorted.get(index).map(|&ns| ns as f64 * 1e-6)
         };
-        Self { messages: sorted.len(), p50_ms: at(50), p95_ms: at(95), max_ms: at(100) }
+        let reason = match at(50) {
+            None => Some("no stamp"),
+            Some(median_ms) if !OF_ONE_CLOCK_MS.contains(&median_ms) => Some("stamps of another clock"),
+            Some(_) => None,
+        };
+        let known = |percent: usize| at(percent).filter(|_| reason.is_none());
+        Self { messages, p50_ms: known(50), p95_ms: known(95), max_ms: known(100), reason }
     }
 }
 
@@ -85,7 +98,15 @@ pub fn latency(args: &LatencyArgs, out: &mut dyn Write) -> anyhow::Result<Ended>
 struct Waiting {
     buffer: String,
     log_ns: u64,
-    acq_ns: u64,
+    acq_ns: Option<u64>,
+}
+
+/// Messages of one buffer by one writer.
+#[derive(Default)]
+struct Counted {
+    messages: usize,
+    /// The ages of those of which it is known.
+    ages_ns: Vec<i64>,
 }
 
 /// What is known while a recording is read.
@@ -98,7 +119,7 @@ struct Ages {
     seen: BTreeMap<String, BTreeMap<u64, u64>>,
     waiting: Vec<Waiting>,
     /// By buffer and writer.
-    buffers: BTreeMap<(String, String), Vec<i64>>,
+    buffers: BTreeMap<(String, String), Counted>,
     /// By buffer, writer and input.
     hops: BTreeMap<(String, String, String), Vec<i64>>,
 }
@@ -145,14 +166,16 @@ impl Ages {
         if buffer.starts_with("/runtime/") || self.is_control(&buffer) {
             return;
         }
-        let acq_ns = acquired(topic, message).0;
+        let acq_ns = acquired(topic, message).map(|stamp| stamp.0);
         if self.waiting.first().is_some_and(|waiting| waiting.log_ns != log_ns) {
             self.settle(None);
         }
-        let seen = self.seen.entry(buffer.clone()).or_default();
-        seen.entry(acq_ns).or_insert(log_ns);
-        if seen.len() > MOMENTS {
-            seen.pop_first();
+        if let Some(acq_ns) = acq_ns {
+            let seen = self.seen.entry(buffer.clone()).or_default();
+            seen.entry(acq_ns).or_insert(log_ns);
+            if seen.len() > MOMENTS {
+                seen.pop_first();
+            }
         }
         let writers = self.writers(&buffer);
         if writers.len() > 1 {
@@ -193,9 +216,9 @@ impl Ages {
         }
     }
 
-    fn count(&mut self, buffer: String, writer: String, log_ns: u64, acq_ns: u64) {
+    fn count(&mut self, buffer: String, writer: String, log_ns: u64, acq_ns: Option<u64>) {
         let since = |earlier_ns: u64| duration_ns(earlier_ns, log_ns);
-        if let Some(info) = self.processes.get(&writer) {
+        if let (Some(info), Some(acq_ns)) = (self.processes.get(&writer), acq_ns) {
             for input in info.inputs.iter().filter(|input| input.buffer != buffer) {
                 let shown = self.seen.get(&input.buffer).and_then(|seen| seen.get(&acq_ns));
                 let Some(&shown_ns) = shown.filter(|&&shown_ns| shown_ns <= log_ns) else { continue };
@@ -203,31 +226,35 @@ impl Ages {
                 self.hops.entry(hop).or_default().push(since(shown_ns));
             }
         }
-        self.buffers.entry((buffer, writer)).or_default().push(since(acq_ns));
+        let counted = self.buffers.entry((buffer, writer)).or_default();
+        counted.messages += 1;
+        counted.ages_ns.extend(acq_ns.map(since));
     }
 
     fn report(&self) -> Report {
+        let of_hop = |took: &Vec<i64>| Spread::new(took.len(), took);
         let hops = |key: &(String, String)| {
             let of = self.hops.iter().filter(|((buffer, writer, _), _)| (buffer, writer) == (&key.0, &key.1));
-            of.map(|((_, _, from), took)| HopReport { from: from.clone(), took: Spread::new(took) }).collect()
+            of.map(|((_, _, from), took)| HopReport { from: from.clone(), took: of_hop(took) }).collect()
         };
-        let buffer = |(key, ages): (&(String, String), &Vec<i64>)| BufferReport {
+        let buffer = |(key, counted): (&(String, String), &Counted)| BufferReport {
             buffer: key.0.clone(),
             writer: key.1.clone(),
-            age: Spread::new(ages),
+            age: Spread::new(counted.messages, &counted.ages_ns),
             hops: hops(key),
         };
         Report { buffers: self.buffers.iter().map(buffer).collect() }
     }
 }
 
-/// When what a message tells was sensed.
-fn acquired(topic: &LogTopic, message: &LogMessage) -> Stamp {
+/// When what a message tells was sensed, if anything says so. A stamp of 0 is none.
+fn acquired(topic: &LogTopic, message: &LogMessage) -> Option<Stamp> {
     if states_acquisition(&topic.metadata) {
-        return message.publish_time;
+        return Some(message.publish_time);
     }
     let stored = AnyMessage::encoded(topic.schema.clone(), message.data.clone());
-    acquisition_time(&stored, message.publish_time, message.log_time)
+    let published = Some(message.publish_time).filter(|time| *time != message.log_time);
+    [header_stamp(&stored), published].into_iter().flatten().find(|stamp| stamp.0 != 0)
 }
 
 /// Time from one stamp to another; the nearest one that fits where they are too far apart.
@@ -243,10 +270,12 @@ fn human(report: &Report, out: &mut dyn Write) -> anyhow::Result<()> {
         ("p50", Align::Right),
         ("p95", Align::Right),
         ("max", Align::Right),
+        ("note", Align::Left),
     ]);
     let cells = |spread: &Spread| {
-        let ms = |value: f64| format!("{value:.1} ms");
-        [spread.messages.to_string(), ms(spread.p50_ms), ms(spread.p95_ms), ms(spread.max_ms)]
+        let ms = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.1} ms"));
+        let [p50, p95, max] = [spread.p50_ms, spread.p95_ms, spread.max_ms].map(ms);
+        [spread.messages.to_string(), p50, p95, max, spread.reason.unwrap_or_default().to_owned()]
     };
     for buffer in &report.buffers {
         let named = [buffer.buffer.clone(), buffer.writer.clone()];
@@ -267,6 +296,46 @@ fn human(report: &Report, out: &mut dyn Write) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rcs_msg::foxglove::{RawImage, Vector2};
+    use rcs_testkit::logs::hand_made;
+    use serde_json::json;
+
+    #[test]
+    fn an_age_that_no_stamp_of_the_clock_of_the_log_tells_is_null_and_has_a_reason() {
+        const S: u64 = 1_000_000_000;
+        let image = |stamp_ns: u64| {
+            AnyMessage::new(RawImage { timestamp: Some(Stamp(stamp_ns).to_proto()), ..RawImage::default() })
+        };
+        let now = Stamp(1_700_000_000 * S);
+        let messages = [
+            ("/ahead", image(now.0 + 2 * S)),
+            ("/bare", AnyMessage::new(Vector2::default())),
+            ("/boot", image(5 * S)),
+            ("/own", image(now.0 - S / 8)),
+            ("/zero", image(0)),
+        ];
+        let images = ["/ahead", "/boot", "/own", "/zero"].map(|topic| (topic, schema_of::<RawImage>()));
+        let topics = [&images[..], &[("/bare", schema_of::<Vector2>())]].concat();
+        let log = hand_made(&topics, messages.iter().map(|(topic, message)| (now, *topic, message)));
+        let report = Ages::of(&log).unwrap().report();
+        let of = |buffer: &BufferReport| serde_json::to_value(&buffer.age).unwrap();
+        let ages: Vec<_> = report.buffers.iter().map(of).collect();
+        let unknown = |reason: &str| {
+            json!({ "messages": 1, "p50_ms": null, "p95_ms": null, "max_ms": null, "reason": reason })
+        };
+        let known = json!({ "messages": 1, "p50_ms": 125.0, "p95_ms": 125.0, "max_ms": 125.0 });
+        let (other, none) = (unknown("stamps of another clock"), unknown("no stamp"));
+        assert_eq!(ages, [other.clone(), none.clone(), other, known, none]);
+        let mut out = Vec::new();
+        human(&report, &mut out).unwrap();
+        let out = String::from_utf8(out).unwrap();
+        let line = |buffer: &str| {
+            let line = out.lines().find(|line| line.starts_with(buffer)).unwrap();
+            line.split_whitespace().collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(line("/boot"), "/boot 1 – – – stamps of another clock");
+        assert_eq!(line("/own"), "/own 1 125.0 ms 125.0 ms 125.0 ms");
+    }
 
     #[test]
     fn a_duration_between_any_two_stamps_is_the_nearest_that_fits() {

@@ -1,4 +1,5 @@
-//! The layout that fits what a source has: no view without anything to show, and every camera.
+//! The layout that fits what a source has: no view without anything to show, and every camera. One that was kept for a
+//! source with other names of images takes over those of this one.
 
 use crate::layout::{Layout, Node};
 use ocu_views::{RunChoice, SavedState, TopicKey, cameras, operator};
@@ -114,6 +115,44 @@ impl Content {
     }
 }
 
+/// The layout with an image of this source in each camera view that names none of its images: a camera that no view names,
+/// and where there is none left, the first image.
+pub(crate) fn with_images_of(mut layout: Layout, frame: &Frame) -> Layout {
+    let mut views = Vec::new();
+    camera_views(&mut layout.root, &mut views);
+    let named: Vec<&str> = views.iter().filter_map(|(state, _)| named_topic(state)).collect();
+    let mut free: Vec<TopicKey> = cameras(frame);
+    free.retain(|key| !named.contains(&key.name.as_str()));
+    let mut free = free.into_iter();
+    for (state, id) in views {
+        if named_topic(state).is_some_and(|name| frame.topic(name).is_none()) {
+            state["topic"] = serde_json::json!(free.next());
+            // A view that is open would keep what it shows.
+            *id = 0;
+        }
+    }
+    layout
+}
+
+/// The states and identities of all camera views.
+fn camera_views<'a>(node: &'a mut Node, views: &mut Vec<(&'a mut SavedState, &'a mut u64)>) {
+    match node {
+        Node::Row(parts) | Node::Column(parts) => {
+            parts.iter_mut().for_each(|(_, node)| camera_views(node, views));
+        }
+        Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => {
+            nodes.iter_mut().for_each(|node| camera_views(node, views));
+        }
+        Node::View { kind, state, id, .. } if *kind == "camera" => views.push((state, id)),
+        Node::View { .. } => {}
+    }
+}
+
+/// The name of the topic that a view shows, if it names one.
+fn named_topic(state: &SavedState) -> Option<&str> {
+    state.pointer("/topic/name").and_then(serde_json::Value::as_str)
+}
+
 /// Whether every topic that a view of the layout names exists.
 fn names_only_what_is_there(node: &Node, frame: &Frame) -> bool {
     match node {
@@ -123,10 +162,7 @@ fn names_only_what_is_there(node: &Node, frame: &Frame) -> bool {
         Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => {
             nodes.iter().all(|node| names_only_what_is_there(node, frame))
         }
-        Node::View { state, .. } => {
-            let name = state.pointer("/topic/name").and_then(serde_json::Value::as_str);
-            name.is_none_or(|name| frame.topic(name).is_some())
-        }
+        Node::View { state, .. } => named_topic(state).is_none_or(|name| frame.topic(name).is_some()),
     }
 }
 
@@ -166,6 +202,29 @@ mod tests {
         frame.topics = topics.chain(odometry).collect();
         frame.processes = Arc::new([]);
         frame
+    }
+
+    #[test]
+    fn a_layout_that_was_kept_for_a_source_with_other_cameras_shows_those_of_this_one() {
+        let frame = log(2, false);
+        let view = |name: &str, id: u64| {
+            let state = serde_json::json!({ "topic": { "name": name }, "depth_step_m": 0.002 });
+            Node::View { kind: "camera".to_owned(), state, run: RunChoice::Shown, id }
+        };
+        let shown = |names: [&str; 3]| {
+            let parts = names.into_iter().zip(7..).map(|(name, id)| (1.0, view(name, id)));
+            let mut layout =
+                with_images_of(Layout { root: Node::Row(parts.collect()), ..Layout::empty() }, &frame);
+            let mut views = Vec::new();
+            camera_views(&mut layout.root, &mut views);
+            let of = |(state, id): &(&mut SavedState, &mut u64)| {
+                assert_eq!(state["depth_step_m"], 0.002);
+                (named_topic(state).map(str::to_owned), **id)
+            };
+            views.iter().map(of).collect::<Vec<_>>()
+        };
+        let is = |name: &str, id: u64| (Some(name.to_owned()), id);
+        assert_eq!(shown(["/left", "/cam0", "/right"]), [is("/cam1", 0), is("/cam0", 8), (None, 0)]);
     }
 
     #[test]

@@ -68,7 +68,7 @@ pub fn round_step(least: f64) -> f64 {
         .unwrap_or(10.0 * power)
 }
 
-/// A bar with a length in metres, whose right end is at `right_bottom`.
+/// A bar with a length in metres, whose right end is at `right_bottom`, on a ground of the canvas's colour.
 pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
     let tokens = tokens(ui);
     let length_m = round_step(64.0 / points_per_m);
@@ -76,18 +76,23 @@ pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
     let painter = ui.painter();
     let y = right_bottom.y - 4.0;
     let (left, right) = (Pos2::new(right_bottom.x - length, y), Pos2::new(right_bottom.x, y));
-    let stroke = Stroke::new(1.5, tokens.strong);
-    painter.line_segment([left, right], stroke);
-    for end in [left, right] {
-        painter.line_segment([end - Vec2::new(0.0, 4.0), end + Vec2::new(0.0, 4.0)], stroke);
-    }
     let text = if length_m >= 1000.0 {
         format!("{} km", length_m / 1000.0)
     } else {
         format!("{} m", format::number(length_m))
     };
+    let galley = painter.layout_no_wrap(text, FontId::proportional(11.0), tokens.strong);
     let at = Pos2::new(left.x + length / 2.0, y - 3.0);
-    painter.text(at, egui::Align2::CENTER_BOTTOM, text, FontId::proportional(11.0), tokens.strong);
+    let place = egui::Align2::CENTER_BOTTOM.anchor_size(at, galley.size());
+    let up = Vec2::new(0.0, 4.0);
+    let ground = place.union(Rect::from_two_pos(left - up, right + up)).expand2(Vec2::new(3.0, 0.0));
+    painter.rect_filled(ground, 2.0, tokens.canvas().gamma_multiply(0.8));
+    let stroke = Stroke::new(1.5, tokens.strong);
+    painter.line_segment([left, right], stroke);
+    for end in [left, right] {
+        painter.line_segment([end - up, end + up], stroke);
+    }
+    painter.galley(place.min, galley, tokens.strong);
 }
 
 /// A panel on a canvas for a legend or a readout; `corner` is its corner of the canvas. Returns its rectangle.

@@ -6,6 +6,10 @@ use ocu_ui::palette::{self, Classes, MapPalette};
 use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::{CompressedImage, RawImage};
 use rcs_msg::image::{self, ImageError};
+use std::ops::Range;
+
+/// Number of pixels from which percentiles are taken.
+const SAMPLE: usize = 20_000;
 
 /// The meaning of the pixels of an image.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,8 +20,8 @@ pub(crate) enum Pixels {
     Values { values: Vec<f32>, whole: bool },
     /// One byte per pixel: a grey level, a label or a cost.
     Bytes(Vec<u8>),
-    /// One grey level of 16 bits per pixel; `levels` is one more than the level that is white.
-    Greys { values: Vec<u16>, levels: u32 },
+    /// One grey level of 16 bits per pixel; the first level of `shown` is black, and the last one is white.
+    Greys { values: Vec<u16>, shown: Range<u32> },
 }
 
 /// A decoded image.
@@ -62,9 +66,9 @@ pub(crate) fn decode(message: &AnyMessage) -> Result<DecodedImage, String> {
 fn image(raw: &RawImage, mut encoding: String) -> Result<DecodedImage, ImageError> {
     let pixels = match raw.encoding.as_str() {
         "mono16" => {
-            let (values, levels) = grey16(raw)?;
-            encoding = format!("{encoding}, white {}", levels - 1);
-            Pixels::Greys { values, levels }
+            let (values, shown) = grey16(raw)?;
+            encoding = format!("{encoding}, black {}, white {}", shown.start, shown.end - 1);
+            Pixels::Greys { values, shown }
         }
         "16UC1" | "32FC1" | "64FC1" => {
             Pixels::Values { values: image::depth_m(raw, 1.0)?, whole: raw.encoding == "16UC1" }
@@ -78,21 +82,33 @@ fn image(raw: &RawImage, mut encoding: String) -> Result<DecodedImage, ImageErro
     Ok(DecodedImage { width: raw.width as usize, height: raw.height as usize, pixels, encoding })
 }
 
-/// Grey levels of a `mono16` image, and their number. Cameras of 10 to 14 bits leave the upper bits empty, so white is
-/// the largest value of the image rounded up to a power of two: brightness seldom changes between images.
-fn grey16(raw: &RawImage) -> Result<(Vec<u16>, u32), ImageError> {
+/// Grey levels of a `mono16` image, and those that are shown from black to white: from the 1st to the 99th percentile,
+/// and at least 256 levels, so that the noise of an even image stays faint. The ends are rounded outwards to an eighth of
+/// that range, a power of two: the brightness seldom changes between images, and not at all while they use all levels
+/// that the camera has.
+fn grey16(raw: &RawImage) -> Result<(Vec<u16>, Range<u32>), ImageError> {
+    const LEAST: u32 = 256;
     // A value of 0 is read as NaN, which the cast takes to 0.
     let values: Vec<u16> = image::depth_m(raw, 1.0)?.into_iter().map(|value| value as u16).collect();
-    let largest = values.iter().copied().max().unwrap_or(0);
-    let levels = (u32::from(largest) + 1).next_power_of_two().max(256);
-    Ok((values, levels))
+    let stride = (values.len() / SAMPLE).max(1);
+    let mut sample: Vec<u16> = values.iter().step_by(stride).copied().collect();
+    sample.sort_unstable();
+    let beyond = sample.len() / 100;
+    let at = |index: usize| sample.get(index).map_or(0, |value| u32::from(*value));
+    let (low, high) = (at(beyond), at(sample.len().saturating_sub(beyond + 1)));
+    let levels = high + 1 - low;
+    let range = levels.max(LEAST);
+    let low = low.saturating_sub((range - levels) / 2);
+    let step = (range / 8).next_power_of_two();
+    let shown = low / step * step..(low + range).div_ceil(step) * step;
+    Ok((values, shown))
 }
 
 impl DecodedImage {
     /// The 2nd and 98th percentile of the values, used as the colour range. `None` without values.
     pub(crate) fn value_range(&self) -> Option<[f32; 2]> {
         let Pixels::Values { values, .. } = &self.pixels else { return None };
-        let stride = (values.len() / 20_000).max(1);
+        let stride = (values.len() / SAMPLE).max(1);
         let mut sample: Vec<f32> =
             values.iter().step_by(stride).copied().filter(|v| is_place(&[f64::from(*v)])).collect();
         sample.sort_by(f32::total_cmp);
@@ -119,8 +135,9 @@ impl DecodedImage {
         let color = |i: usize| match &self.pixels {
             Pixels::Color(colors) => colors[i],
             Pixels::Bytes(values) => bytes[usize::from(values[i])],
-            Pixels::Greys { values, levels } => {
-                Color32::from_gray((u32::from(values[i]) * 256 / levels) as u8)
+            Pixels::Greys { values, shown } => {
+                let level = u32::from(values[i]).saturating_sub(shown.start);
+                Color32::from_gray((level * 256 / (shown.end - shown.start)).min(255) as u8)
             }
             Pixels::Values { values, .. } if values[i].is_nan() => Color32::TRANSPARENT,
             Pixels::Values { values, .. } => scale(f64::from(values[i] - range[0]) / span),
@@ -179,20 +196,40 @@ mod tests {
         assert_eq!(depth.implausible(), 0);
     }
 
+    /// The grey levels with which an image of one row and 16 bits is painted, and what is said of it.
+    fn painted16(values: &[u16]) -> (Vec<u8>, String) {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let image = decoded("mono16", values.len() as u32, 1, &bytes).unwrap();
+        assert!(matches!(&image.pixels, Pixels::Greys { values: read, .. } if *read == values));
+        let painted = image.paint(&Tint::Plain, [0.0, 1.0], values.len());
+        (painted.pixels.iter().map(Color32::r).collect(), image.encoding)
+    }
+
     #[test]
     fn the_grey_levels_of_16_bits_use_the_bits_that_the_camera_has() {
-        let shown = |values: [u16; 3]| {
-            let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-            let image = decoded("mono16", 3, 1, &bytes).unwrap();
-            assert!(matches!(&image.pixels, Pixels::Greys { values: read, .. } if *read == values));
-            let painted = image.paint(&Tint::Plain, [0.0, 1.0], 64);
-            (painted.pixels.iter().map(Color32::r).collect::<Vec<_>>(), image.encoding)
-        };
-        assert_eq!(shown([0, 2048, 4095]), (vec![0, 128, 255], "mono16, white 4095".to_owned()));
+        let shown = |values: [u16; 3]| painted16(&values);
+        assert_eq!(shown([0, 2048, 4095]), (vec![0, 128, 255], "mono16, black 0, white 4095".to_owned()));
         // With all bits, the upper byte is shown.
         assert_eq!(shown([255, 256, 65535]).0, [0, 1, 255]);
         // A dark image stays dark.
         assert_eq!(shown([0, 1, 9]).0, [0, 1, 9]);
+    }
+
+    #[test]
+    fn the_grey_levels_of_a_narrow_range_are_spread_from_black_to_white_and_do_not_flicker() {
+        let between = |low: u16, high: u16| -> Vec<u16> { (low..=high).step_by(10).collect() };
+        let (painted, said) = painted16(&between(7000, 9000));
+        assert!(painted[0] < 20 && painted[painted.len() - 1] > 230, "{painted:?}");
+        assert_eq!(said, "mono16, black 6912, white 9215");
+        // The next image differs a little, and a single hot pixel and a dead one say nothing of the others.
+        let mut next = between(7030, 8970);
+        next.extend([0, 65535]);
+        let (painted, said_of_next) = painted16(&next);
+        assert_eq!(said_of_next, said);
+        assert_eq!(painted[painted.len() - 2..], [0, 255]);
+        // An even image is grey, and its noise is faint.
+        let (painted, _) = painted16(&between(7000, 7040));
+        assert!(painted.iter().all(|grey| (64..192).contains(grey)), "{painted:?}");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::recording;
 use super::top_state::TopBarAction;
 use super::tree::Workspace;
 use crate::layout::Layout;
-use crate::layout_fit::fitting;
+use crate::layout_fit::{fitting, with_images_of};
 use crate::open::Request;
 use crate::remembered::Remembered;
 use crate::say;
@@ -345,20 +345,29 @@ impl Window {
         self.arrange(layout);
     }
 
-    /// Applies the layout that suits the source, as the user last arranged it. One that the user chose stays for
-    /// sources of the same kind.
+    /// Applies the layout that suits the source, as the user last arranged it, with the images of this source. One that
+    /// the user chose stays as it is for sources of the same kind.
     pub(super) fn arrange_for(&mut self, frame: &Frame) {
         let fitting = fitting(frame);
         if self.chosen == Chosen::BeforeOpening {
             self.chosen = Chosen::For(fitting.name.clone());
         }
         let is_chosen = matches!(&self.chosen, Chosen::For(suited) if *suited == fitting.name);
-        let stays = self.workspace.as_ref().is_some_and(|now| is_chosen || now.name() == fitting.name);
-        if !stays {
-            self.chosen = Chosen::Nothing;
-            self.record_layout();
-            let kept = self.layout_store.load(&fitting.name, &mut self.notices);
-            self.arrange(&kept.unwrap_or(fitting));
+        let open = self.workspace.as_ref().map(|now| now.layout(self.buffers_open));
+        match open {
+            Some(_) if is_chosen => {}
+            Some(open) if open.name == fitting.name => {
+                let adapted = with_images_of(open.clone(), frame);
+                if adapted != open {
+                    self.arrange(&adapted);
+                }
+            }
+            _ => {
+                self.chosen = Chosen::Nothing;
+                self.record_layout();
+                let kept = self.layout_store.load(&fitting.name, &mut self.notices);
+                self.arrange(&with_images_of(kept.unwrap_or(fitting), frame));
+            }
         }
     }
 

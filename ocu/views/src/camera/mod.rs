@@ -47,7 +47,7 @@ impl Default for SavedOverlay {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 struct Saved {
-    /// The image to show; the first one where none is named or the named one does not exist.
+    /// The image to show; the first one where none is named.
     topic: Option<TopicKey>,
     /// Overlays that were changed by hand, by topic.
     overlays: BTreeMap<String, SavedOverlay>,
@@ -80,7 +80,9 @@ pub(crate) struct Camera {
 
 impl View for Camera {
     fn title(&self, frame: &Frame) -> String {
-        base(&self.saved, frame).map_or_else(|| "Camera".to_owned(), |topic| topic.name.to_string())
+        let named = self.saved.topic.as_ref().map(|key| key.name.clone());
+        let shown = || base(&self.saved, frame).map(|topic| topic.name.to_string());
+        named.or_else(shown).unwrap_or_else(|| "Camera".to_owned())
     }
 
     fn accepts(&self, topic: &Topic) -> bool {
@@ -102,13 +104,9 @@ impl View for Camera {
     }
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        let Some(topic) = base(&self.saved, cx.frame) else {
-            let hint =
-                "A topic of images would fill it: open a log with a camera, or run a stack that has one.";
-            return widgets::empty(ui, icons::ICON_NO_PHOTOGRAPHY, "No images here", hint);
-        };
+        let Some(topic) = base(&self.saved, cx.frame) else { return self.no_image(ui, cx.frame) };
         let overlays = layer::overlays(cx.frame, topic);
-        self.toolbar(ui, cx.frame, topic);
+        self.toolbar(ui, cx.frame, Some(topic));
         let base = self.layer(ui.ctx(), topic);
         let image = base.as_ref().ok().and_then(Option::as_deref);
         let seen = image.and_then(|layer| Seen::of(ui.ctx(), cx.frame, topic, layer, &mut self.prepared));
@@ -129,10 +127,13 @@ pub fn cameras(frame: &Frame) -> Vec<TopicKey> {
     chosen.into_iter().map(TopicKey::of).collect()
 }
 
-/// The image to show: the selected one, otherwise the first.
+/// The image to show: the selected one, or the first where none is selected. No other one takes the place of a selected
+/// one that is not there.
 fn base<'a>(saved: &Saved, frame: &'a Frame) -> Option<&'a Topic> {
-    let chosen = saved.topic.as_ref().and_then(|key| key.find(frame)).filter(|topic| layer::is_image(topic));
-    chosen.or_else(|| layer::images(frame).into_iter().next())
+    match &saved.topic {
+        Some(key) => key.find(frame).filter(|topic| layer::is_image(topic)),
+        None => layer::images(frame).into_iter().next(),
+    }
 }
 
 /// An image, and its topic.
@@ -143,20 +144,46 @@ impl Camera {
         layer::layer(ctx, topic, self.saved.palette, self.saved.depth_step_m)
     }
 
-    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, shown: &Topic) {
+    /// Says why there is no image, and offers those that are there.
+    fn no_image(&mut self, ui: &mut Ui, frame: &Frame) {
+        let has_images = frame.topics.iter().any(layer::is_image);
+        let (title, hint) = match self.saved.topic.as_ref().filter(|_| has_images) {
+            None => (
+                "No images here".to_owned(),
+                "A topic of images would fill it: open a log with a camera, or run a stack that has one."
+                    .to_owned(),
+            ),
+            Some(key) => match key.find(frame) {
+                Some(topic) => (
+                    format!("{} is no image", topic.name),
+                    format!("Its messages are {}. Choose an image above.", topic.type_name()),
+                ),
+                None => (
+                    format!("No topic {} here", key.name),
+                    "It was not recorded, or no process writes it. Choose an image above.".to_owned(),
+                ),
+            },
+        };
+        if has_images {
+            self.toolbar(ui, frame, None);
+        }
+        widgets::empty(ui, icons::ICON_NO_PHOTOGRAPHY, &title, &hint);
+    }
+
+    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, selected: Option<&Topic>) {
         let images = layer::images(frame);
         let mut bar: Bar<'_, (Option<TopicKey>, bool)> = Bar::new("toolbar");
         // Tabs where they fit, else a list.
         bar.left("images", Fit::Shrinks, |ui, form, (chosen, _)| {
             if form == Form::Full {
                 for topic in &images {
-                    let on = TopicKey::of(topic).is(shown);
+                    let on = selected.is_some_and(|selected| TopicKey::of(topic).is(selected));
                     if ui.selectable_label(on, crate::toolbar::topic_label(frame, topic)).clicked() {
                         *chosen = Some(TopicKey::of(topic));
                     }
                 }
             } else if let Some(key) =
-                crate::toolbar::topic_choice(ui, form, frame, "Image", Some(shown), &images)
+                crate::toolbar::topic_choice(ui, form, frame, "Image", selected, &images)
             {
                 *chosen = Some(key);
             }

@@ -1,6 +1,7 @@
 //! The layers of a map: everything in a frame that lies in a plane, and its pose.
 
 use super::grid::{Extent, frame_of, is_empty};
+use super::robot::own_frame;
 use super::track::{Aligned, Alignment, Judged, Plane, course, nearest};
 use crate::cached::SameMessage;
 use crate::view::is_old;
@@ -231,7 +232,8 @@ pub(super) fn frames<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Vec<&'a str>
 }
 
 /// The default frame of a map: of the frames of grids, geodetic positions and tracks the one in which most layers are
-/// drawn, in this order where several draw as many; otherwise the root above the first cloud.
+/// drawn, in this order where several draw as many; otherwise the root above the first cloud, or above the robot where
+/// there are transforms alone.
 pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Option<&'a str> {
     let own = || layers.iter().filter(|layer| !layer.is_ground_truth());
     let rank = |layer: &Layer<'_>| match layer.kind {
@@ -247,7 +249,7 @@ pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Optio
     if let Some((_, best)) = candidates.iter().rev().max_by_key(|(rank, name)| (drawn(name), *rank)) {
         return Some(*best);
     }
-    let mut root = layers.first()?.frame_id;
+    let mut root = layers.first().map(|layer| layer.frame_id).or_else(|| own_frame(frame))?;
     for _ in 0..64 {
         let Some(parent) = frame.transforms.parent(root) else { break };
         root = parent;
@@ -398,6 +400,11 @@ impl Tracks {
         shown.iter().filter_map(place).collect()
     }
 
+    /// Whether the place of what a track belongs to is known of any of the layers.
+    pub(super) fn have_place(&self, frame: &Frame, layers: &[Layer<'_>]) -> bool {
+        layers.iter().any(|layer| self.here(frame, layer).is_some())
+    }
+
     /// Position and heading of what a track belongs to, on the map: from the newest message, never from the track,
     /// which may be read later or belong to another run. `None` without a message or a transform.
     pub(super) fn here(&self, frame: &Frame, layer: &Layer<'_>) -> Option<[f64; 3]> {
@@ -431,6 +438,16 @@ mod tests {
         let frame = Frame { transforms: Arc::new(tree), ..samples::empty() };
         let x = |at: u64| map_from_frame(&frame, "odom", "/base", Stamp(at)).unwrap().translation.x;
         assert_eq!([5, 15, 25].map(x), [1.0, 1.5, 2.0]);
+    }
+
+    #[test]
+    fn a_recording_with_transforms_alone_has_a_map_in_the_frame_above_its_robot() {
+        let mut tree = TransformTree::new();
+        for (parent, child) in [("map", "odom"), ("odom", "base_link"), ("base_link", "lidar")] {
+            tree.set_static(parent, child, Pose::IDENTITY).unwrap();
+        }
+        let frame = Frame { transforms: Arc::new(tree), ..samples::empty() };
+        assert_eq!(default_frame(&frame, &layers(&frame)), Some("map"));
     }
 
     #[test]

@@ -20,6 +20,7 @@ mod paint;
 mod panel;
 mod picture;
 mod plan;
+mod robot;
 mod toolbar;
 mod track;
 mod training;
@@ -44,6 +45,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, SourceKind, Topic, WGS84};
 use rcs_world::{Weights, weights_of};
+use robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
@@ -252,7 +254,8 @@ impl Map {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
         ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
         let shown: Vec<_> = layers.iter().filter(|layer| self.state(layer).shown).collect();
-        let vehicle = self.here(cx.frame, &shown);
+        let robot = Robot::of(cx.frame, map).filter(|_| !self.tracks.have_place(cx.frame, layers));
+        let vehicle = self.here(cx.frame, &shown).or(robot.map(|robot| robot.place));
         let viewport = self.look(ui, cx.frame, map, &shown, vehicle, &response);
         self.measure(&response, viewport, canvas);
 
@@ -272,7 +275,7 @@ impl Map {
                 _ => {}
             }
         }
-        paint::metre_lines(ui, viewport, canvas);
+        let numbers = paint::metre_lines(ui, viewport, canvas);
         let mut labels = self.labels(canvas);
         let mut goals = goals::of(cx.frame, map, &shown);
         for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(layer).shown) {
@@ -316,10 +319,9 @@ impl Map {
                 _ => {}
             }
         }
-        self.far_badge(ui, cx.frame, map, &shown, canvas);
-        if shown.iter().any(|layer| self.edited_weights(layer).is_some()) {
-            paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, "preview: edited weights, not sent");
-        }
+        robot.into_iter().for_each(|robot| paint::robot(ui, robot, viewport, canvas, &mut labels));
+        paint::metre_numbers(ui, canvas, numbers);
+        self.badges(ui, cx.frame, map, &shown, canvas);
         self.paint_measured(ui, viewport, canvas, &mut labels);
         let at = plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas };
         self.draw_mission(ui, cx, map, &response, at, &mut labels);
@@ -428,8 +430,9 @@ impl Map {
         self.looked_at = Some(source);
     }
 
-    /// Shows the number of implausible points in the visible layers, which are left out of the fitted region.
-    fn far_badge(&self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
+    /// Shows the number of implausible points in the visible layers, which are left out of the fitted region, and that a
+    /// map is shown as it would be with the weights that are being edited.
+    fn badges(&self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
         let mut counts = Vec::new();
         for layer in shown {
             let pose = layers::map_from_layer(frame, map, layer);
@@ -459,6 +462,9 @@ impl Map {
             counts.push((far, layer.name.as_str()));
         }
         badge::implausible(ui, canvas, "places", counts);
+        if shown.iter().any(|layer| self.edited_weights(layer).is_some()) {
+            paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, "preview: edited weights, not sent");
+        }
     }
 
     /// Current position of the first visible track.
@@ -520,7 +526,9 @@ impl Map {
                 _ => {}
             }
         }
-        let (mut min, mut max) = bounds.unwrap_or(([-10.0; 2], [10.0; 2]));
+        // Where nothing else has an extent, 10 m around the robot.
+        let [x, y, _] = Robot::of(frame, map).map_or([0.0; 3], |robot| robot.place);
+        let (mut min, mut max) = bounds.unwrap_or(([x - 10.0, y - 10.0], [x + 10.0, y + 10.0]));
         // A run begins with a vehicle and nothing else.
         let least = if runs { LEAST_OF_A_RUN_M } else { 2.0 };
         for axis in 0..2 {

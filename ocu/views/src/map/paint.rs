@@ -6,6 +6,7 @@ use super::labels::Labels;
 use super::layers::{Kind, Layer, PlacedTrack};
 use super::mission::hatch;
 use super::picture::{self, CloudPicture, GridLook, GridPicture};
+use super::robot::Robot;
 use super::track::line;
 use super::uncertainty::{self, Covariance};
 use crate::canvas::Viewport;
@@ -259,15 +260,32 @@ fn vehicle(painter: &Painter, at: Pos2, forward: Vec2, color: Color32, is_curren
     painter.add(Shape::closed_line(vec![nose, tail + left, notch, tail - left], edge));
 }
 
-/// Grid lines at round metres, with their numbers where they meet the left or the upper edge. On a turned map, the
-/// numbers say of which axis they are.
-pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
+/// The number of a grid line, where that meets the left or the upper edge.
+pub(super) struct MetreNumber {
+    at: Pos2,
+    align: Align2,
+    text: String,
+}
+
+/// The mark of a robot that is known by its transforms alone.
+pub(super) fn robot(ui: &Ui, robot: Robot, viewport: Viewport, canvas: Rect, labels: &mut Labels) {
+    let (tokens, [x, y, yaw_rad]) = (tokens(ui), robot.place);
+    let at = viewport.to_screen(canvas, [x, y]);
+    labels.keep_free(Rect::from_center_size(at, Vec2::splat(2.0 * VEHICLE)));
+    let color = if robot.is_current { tokens.accent } else { tokens.stale };
+    vehicle(&ui.painter_at(canvas), at, viewport.direction(yaw_rad), color, robot.is_current);
+}
+
+/// Grid lines at round metres. Returns their numbers, which lie above everything else ([`metre_numbers`]); on a turned map,
+/// they say of which axis they are.
+pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) -> Vec<MetreNumber> {
     let tokens = tokens(ui);
     let painter = ui.painter_at(canvas);
     let step = round_step(96.0 / viewport.scale);
+    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
     let (min, max) = viewport.bounds(canvas);
     let is_turned = viewport.turned_rad != 0.0;
-    let font = FontId::monospace(10.0);
+    let mut numbers = Vec::new();
     for (axis, name) in ["x", "y"].into_iter().enumerate() {
         let first = (min[axis] / step).ceil() as i64;
         for i in first..=((max[axis] / step).floor() as i64).min(first.saturating_add(200)) {
@@ -280,7 +298,7 @@ pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
             });
             let color = tokens.weak.gamma_multiply(if i == 0 { 0.5 } else { 0.18 });
             painter.line_segment(ends, Stroke::new(1.0, color));
-            let number = format::number(value);
+            let number = format!("{value:.decimals$}");
             let text = if is_turned { format!("{name} {number}") } else { number };
             let [from, way] = [ends[0], (ends[1] - ends[0]).to_pos2()];
             // A line meets the upper edge if it is steep, else the left one.
@@ -291,8 +309,21 @@ pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
                 let y = from.y + way.y * (canvas.left() - from.x) / way.x;
                 (Pos2::new(canvas.left() + 3.0, y - 1.0), Align2::LEFT_BOTTOM)
             };
-            painter.text(at, align, text, font.clone(), tokens.weak);
+            numbers.push(MetreNumber { at, align, text });
         }
+    }
+    numbers
+}
+
+/// The numbers of the grid lines, each on a ground of the canvas's colour, so that they are read over clouds and tracks.
+pub(super) fn metre_numbers(ui: &Ui, canvas: Rect, numbers: Vec<MetreNumber>) {
+    let tokens = tokens(ui);
+    let painter = ui.painter_at(canvas);
+    for MetreNumber { at, align, text } in numbers {
+        let galley = painter.layout_no_wrap(text, FontId::monospace(10.0), tokens.text);
+        let place = align.anchor_size(at, galley.size());
+        painter.rect_filled(place.expand2(Vec2::new(2.0, 0.0)), 2.0, tokens.canvas().gamma_multiply(0.8));
+        painter.galley(place.min, galley, tokens.text);
     }
 }
 
@@ -309,4 +340,37 @@ pub(super) fn north(ui: &Ui, at: Pos2, viewport: Viewport, is_north: bool) {
     let letter = if is_north { "N" } else { "y" };
     let font = FontId::proportional(11.0);
     painter.text(at - way * 4.0, Align2::CENTER_CENTER, letter, font, tokens.strong);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_of_the_metre_lines_has_a_ground_below_it_and_the_digits_of_the_step() {
+        let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(300.0));
+        let (min, max) = ([308_200.0, 4_332_100.0], [308_201.5, 4_332_101.5]);
+        let viewport = Viewport::fit(min, max, canvas, 0.0, true);
+        let ctx = egui::Context::default();
+        let output = ctx.run_ui(egui::RawInput::default(), |ui| {
+            let numbers = metre_lines(ui, viewport, canvas);
+            metre_numbers(ui, canvas, numbers);
+        });
+        let (mut grounds, mut texts) = (Vec::new(), Vec::new());
+        for clipped in &output.shapes {
+            match &clipped.shape {
+                Shape::Rect(ground) if ground.rect.width() < 100.0 => grounds.push(ground.rect),
+                Shape::Text(text) => {
+                    let middle = clipped.shape.visual_bounding_rect().center();
+                    assert!(grounds.iter().any(|ground| ground.contains(middle)), "{:?}", text.galley.text());
+                    texts.push(text.galley.text().to_owned());
+                }
+                _ => {}
+            }
+        }
+        for number in ["308200.5", "308201.0", "4332100.5", "4332101.0"] {
+            assert!(texts.iter().any(|text| text == number), "{number}: {texts:?}");
+        }
+        output.drop_without_applying_deltas();
+    }
 }

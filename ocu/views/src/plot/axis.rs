@@ -1,6 +1,7 @@
 //! Axes: the mapping of values to points of the screen, and their round marks.
 
 use egui::Rangef;
+use ocu_ui::format;
 
 /// A day, s.
 const DAY_S: f64 = 86_400.0;
@@ -134,6 +135,15 @@ pub(super) fn mark_text(value: f64, step: f64) -> String {
     }
     let decimals = decimals(step);
     format!("{:.decimals$}", if value == 0.0 { 0.0 } else { value })
+}
+
+/// A value of a curve with five digits; where these hardly tell its values apart, with at least three of their spread, the
+/// difference between its greatest and its least value.
+pub(super) fn among(value: f64, spread: f64) -> String {
+    if !(spread > 0.0 && spread < 1e-2 * value.abs()) {
+        return format::number(value);
+    }
+    mark_text(value, 10_f64.powf(spread.log10().floor() - 2.0))
 }
 
 /// A number's text of at most this many characters: of a longer one `…` and its end, in which neighbouring marks differ.

@@ -1,6 +1,6 @@
 //! One graph: what it draws, its legend, and what the pointer does on it.
 
-use super::axis::{Axis, GraphKind};
+use super::axis::{Axis, GraphKind, among};
 use super::columns::Kept;
 use super::menu::{self, Asked};
 use super::paint::{self, BAND, Clock, Reduced};
@@ -179,7 +179,7 @@ pub(super) fn ui(
     curves(&inside, drawn, &reduced, &axes, quantities, tokens);
     let mut acts = pointer(ui, graph, drawn, place, &response, &axes);
     let at = times(ui, cx, drawn, place, &response, &axes, &inside);
-    acts.extend(legend(ui, saved, drawn, place, at));
+    acts.extend(legend(ui, saved, drawn, &reduced, place, at));
     acts
 }
 
@@ -373,13 +373,21 @@ fn pointer(
 }
 
 /// The names of the curves with their values at a time, and their menus.
-fn legend(ui: &mut Ui, saved: &Saved, drawn: &Drawn, place: &Place, at: Option<Stamp>) -> Vec<Act> {
+fn legend(
+    ui: &mut Ui,
+    saved: &Saved,
+    drawn: &Drawn,
+    reduced: &[Reduced],
+    place: &Place,
+    at: Option<Stamp>,
+) -> Vec<Act> {
     let tokens = tokens(ui);
     let mut acts = Vec::new();
     let most = ((place.plot.height() - 8.0) / LEGEND_ROW).max(1.0) as usize;
     for (index, curve) in drawn.curves.iter().enumerate().take(most) {
         let top = place.plot.top() + 4.0 + LEGEND_ROW * index as f32;
-        let (value, is_problem) = reading(drawn, curve, at);
+        let spread = reduced.get(index).map_or(0.0, Reduced::spread);
+        let (value, is_problem) = reading(drawn, curve, spread, at);
         let font = FontId::proportional(11.0);
         let name = match &drawn.against {
             Some((against, _)) => format!("{} against {against}", curve.label),
@@ -441,8 +449,9 @@ fn peak(shown: &Shown) -> String {
     })
 }
 
-/// What the legend says beside a name, and whether that is a problem.
-fn reading(drawn: &Drawn, curve: &DrawnCurve, at: Option<Stamp>) -> (String, bool) {
+/// What the legend says beside a name, and whether that is a problem. A value has the digits that tell it from others of
+/// the curve, whose visible values have this spread.
+fn reading(drawn: &Drawn, curve: &DrawnCurve, spread: f64, at: Option<Stamp>) -> (String, bool) {
     let shown = &curve.shown;
     if let Some(problem) = shown.problem.as_ref().filter(|_| shown.points.is_empty()) {
         return (problem.to_string(), true);
@@ -462,11 +471,39 @@ fn reading(drawn: &Drawn, curve: &DrawnCurve, at: Option<Stamp>) -> (String, boo
     let text = match value {
         Some(value) => match shown.names.get(&(value as i64)).filter(|_| value.is_finite()) {
             Some(name) => name.to_string(),
-            None if value.is_finite() => format::number(value),
+            None if value.is_finite() => among(value, spread),
             None => "–".to_owned(),
         },
         None if drawn.kind == GraphKind::Time => "–".to_owned(),
         None => String::new(),
     };
     (text, false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::Rangef;
+    use rcs_runtime::source::FieldPoint;
+
+    /// What the legend says at 1 s of a curve with these values, one each second.
+    fn said(values: [f64; 3]) -> String {
+        let point = |(value, i): (f64, u64)| FieldPoint { stamp: Stamp(i * 1_000_000_000), value };
+        let points = values.into_iter().zip(0..).map(point).collect();
+        let shown = Shown { points, ..Shown::default() };
+        let axis = Axis::horizontal(0.0, 2.0, Rangef::new(0.0, 300.0));
+        let reduced = Reduced::new(&shown, &axis, Clock { start: Stamp(0) }, &mut Kept::default());
+        let curve = DrawnCurve { label: "/a.x".to_owned(), color: Color32::WHITE, right: false, shown };
+        let drawn = Drawn { kind: GraphKind::Time, curves: Vec::new(), against: None };
+        reading(&drawn, &curve, reduced.spread(), Some(Stamp(1_000_000_000))).0
+    }
+
+    #[test]
+    fn a_great_value_in_the_legend_has_the_digits_by_which_the_visible_ones_differ() {
+        assert_eq!(said([4_332_120.0, 4_332_123.456, 4_332_150.0]), "4332123.5");
+        assert_eq!(said([4_332_123.0, 4_332_123.456, 4_332_123.9]), "4332123.456");
+        assert_eq!(said([1.7e18, 1.7e18 + 3e10, 1.7e18 + 6e10]), "1.7000000300e18");
+        assert_eq!(said([0.5, 1.25, 2.0]), "1.25");
+        assert_eq!(said([7.0; 3]), "7");
+    }
 }

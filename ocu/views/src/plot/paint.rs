@@ -58,6 +58,12 @@ impl Reduced {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
         self.columns.iter().fold(start, |(min, max), column| (min.min(column.min), max.max(column.max)))
     }
+
+    /// Difference of the greatest and the least visible value; negative without any.
+    pub(super) fn spread(&self) -> f64 {
+        let (min, max) = self.bounds();
+        max - min
+    }
 }
 
 /// The range of an axis: fixed, or around the visible values of its curves.

@@ -1,6 +1,6 @@
 //! Statistics of the visible part of each curve, or of the part between the two cursors.
 
-use super::axis::{mark_text, shortened};
+use super::axis::{among, shortened};
 use super::paint::Clock;
 use crate::series::Shown;
 use egui::{Align, FontId, Rect, Sense, Ui, Vec2, WidgetInfo};
@@ -25,14 +25,6 @@ pub(super) fn height(curves: usize) -> f32 {
 pub(super) fn of(shown: &Shown, from: Stamp, to: Stamp) -> Option<Moments> {
     let first = shown.points.count_before(from);
     moments(&shown.points, first..shown.points.count_until(to))
-}
-
-/// A value of a curve with five digits; where these hardly tell its values apart, with at least three of their spread.
-fn among(value: f64, spread: f64) -> String {
-    if !(spread > 0.0 && spread < 1e-2 * value.abs()) {
-        return format::number(value);
-    }
-    mark_text(value, 10_f64.powf(spread.log10().floor() - 2.0))
 }
 
 /// The cells of a row.

@@ -70,6 +70,9 @@ pub(super) struct Picture {
     pub(super) problems: Vec<String>,
 }
 
+/// How much nearer each grid is drawn than the one before it, in clip coordinates, so that of several at one height the
+/// last one is seen everywhere: at the middle of the picture a thousandth of the distance.
+const NEARER: f64 = 1e-5;
 /// Maximum time for which a view that is closed waits for its thread.
 const LAST: Duration = Duration::from_millis(500);
 /// What is said where the thread has ended by itself.
@@ -228,6 +231,9 @@ impl Prepared {
 fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<Picture, String> {
     let mut problems = Vec::new();
     let mut shapes: Vec<(Arc<Shapes>, Pose)> = Vec::new();
+    // By how much each of the shapes is drawn nearer.
+    let mut lifts = Vec::new();
+    let mut grids = 0_u32;
     for layer in &request.layers {
         match prepared.shapes(layer, request.palette) {
             Ok(made) => {
@@ -236,6 +242,9 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
                     Content::Entities(placed) => layer.pose * Pose::from_translation(placed.anchor()),
                     Content::Cloud(_) | Content::Made(_) => layer.pose,
                 };
+                let is_grid = matches!(layer.content, Content::Grid(_));
+                lifts.push(if is_grid { NEARER * f64::from(grids) } else { 0.0 });
+                grids += u32::from(is_grid);
                 shapes.push((made, pose));
             }
             Err(error) => problems.push(format!("{}: {error}", layer.name)),
@@ -249,9 +258,11 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
     let clip_from_scene = camera.clip_from_world(aspect);
     let draws: Vec<Draw> = shapes
         .into_iter()
-        .map(|(shapes, pose)| {
+        .zip(lifts)
+        .map(|((shapes, pose), lift)| {
             let scene_from_shapes = DMat4::from_rotation_translation(pose.rotation, pose.translation);
-            Draw { shapes, clip_from_shapes: clip_from_scene * scene_from_shapes }
+            let lifted = DMat4::from_translation(-lift * DVec3::Z);
+            Draw { shapes, clip_from_shapes: lifted * clip_from_scene * scene_from_shapes }
         })
         .collect();
     let Pixels { size, rgba, depth } =
@@ -286,7 +297,9 @@ impl Worker {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::samples;
     use egui::Color32;
+    use rcs_msg::AnyMessage;
 
     #[test]
     fn a_thread_that_has_ended_is_not_one_that_has_nothing_new() {
@@ -316,5 +329,36 @@ mod tests {
         }
         drop(worker);
         assert_eq!(Arc::strong_count(&ground), 1, "the thread holds what it draws as long as it runs");
+    }
+
+    #[test]
+    fn of_grids_at_one_height_the_later_one_is_seen() {
+        let mut gpu = match Gpu::new() {
+            Ok(gpu) => gpu,
+            Err(reason) => return println!("skipped: {reason}"),
+        };
+        // The later one lies lower by less than a millimetre: more than rounding does.
+        let grid = |name: &str, cost: u8, z: f64| {
+            let message = AnyMessage::new(samples::costmap(2, &[cost; 4]));
+            let pose = Pose::from_translation(DVec3::Z * z);
+            Layer { name: name.to_owned(), content: Content::Grid(SameMessage(message)), pose }
+        };
+        let mut middle = |layers: Vec<Layer>| {
+            let request = Request {
+                number: 1,
+                layers,
+                camera: None,
+                size: [64, 64],
+                per_point: 1.0,
+                background: [0.0; 3],
+                palette: MapPalette::Papers,
+            };
+            let picture = picture(&mut gpu, &mut Prepared::default(), &request).expect("a picture");
+            picture.image.pixels[32 * 64 + 32]
+        };
+        let alone = [("/a", 0), ("/b", 250)].map(|(name, cost)| middle(vec![grid(name, cost, 0.0)]));
+        assert_ne!(alone[0], alone[1]);
+        let both = middle(vec![grid("/a", 0, 0.0), grid("/b", 250, -3e-4)]);
+        assert_eq!(both, alone[1]);
     }
 }

@@ -152,3 +152,20 @@ fn a_small_camera_without_an_image_says_so_inside_of_its_tile() {
     let text = harness.get_by_label("No image yet").rect();
     assert!(canvas.contains_rect(text), "{text} in {canvas}");
 }
+
+#[test]
+fn a_camera_whose_topic_is_no_image_or_does_not_exist_says_so_and_shows_no_other_one() {
+    let names = [
+        ("/rear/image", "No topic /rear/image here"),
+        ("/lidar/points", "/lidar/points is no image"),
+        ("/camera/depth", "Image of /camera/depth"),
+    ];
+    for (name, said) in names {
+        let mut shown = Shown::new("camera", samples::full());
+        shown.view.load(&serde_json::json!({ "topic": { "name": name } })).unwrap();
+        assert_eq!(shown.view.title(&shown.frame), name);
+        let mut harness = harness(shown, LARGE, Theme::Dark);
+        harness.run();
+        assert_eq!((count(&harness, said), count(&harness, "Image of /camera/image")), (1, 0), "{name}");
+    }
+}
