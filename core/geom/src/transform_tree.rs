@@ -192,6 +192,20 @@ impl TransformTree {
         }
     }
 
+    /// The transforms that hold at all times, as static ones: those that are static, and those that were sent once.
+    #[must_use]
+    pub fn lasting(&self) -> TransformTree {
+        let lasting = self.links.iter().filter_map(|(child, link)| {
+            let pose = match &link.edge {
+                Edge::Static(pose) => *pose,
+                Edge::Timed(samples) if samples.len() == 1 => samples.front()?.1,
+                Edge::Timed(_) => return None,
+            };
+            Some((child.clone(), Link { parent: link.parent.clone(), edge: Edge::Static(pose) }))
+        });
+        TransformTree { links: lasting.collect(), history_ns: None }
+    }
+
     /// Inverts the transforms above a frame, so that it becomes the root of its tree. Poses at the times of samples stay
     /// the same; between two samples they differ slightly, because the inverse transforms are interpolated. The cost is
     /// one copy of all samples of these transforms.

@@ -203,3 +203,12 @@ fn what_another_tree_says_of_frames_without_a_transform_is_taken() {
     tree.take_missing(&loops);
     assert_eq!(tree.parent("local"), None, "a loop is not closed");
 }
+
+#[test]
+fn static_transforms_and_those_that_were_sent_once_last() {
+    let lasting = tree().lasting();
+    assert_eq!(lasting.frames(), ["global", "hut", "island", "left", "local", "right", "vehicle"]);
+    assert_eq!(lasting.parent("vehicle"), None, "it moves");
+    assert_eq!(lasting.lookup("global", "local", 9_999), Ok(translated(100.0)));
+    assert_eq!(lasting.lookup("left", "right", 0), tree().lookup("left", "right", 0));
+}

@@ -552,3 +552,36 @@ inputs = { input = \"/in\" }
     assert_eq!(x("odom", "local"), Ok(27.0));
     assert!(Arc::ptr_eq(&frame.transforms, &source.frame().transforms), "shared while nothing changes");
 }
+
+#[test]
+fn a_place_in_a_log_whose_clock_begins_again_shows_its_own_run_of_it_however_it_is_reached() {
+    // 20 s ahead, then 20 s back with the same stamps.
+    let odometry = |second: u32| {
+        let x = f64::from(second % 20) * if second < 20 { 1.0 } else { -1.0 };
+        let position = Some(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+        let orientation = Some(foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 });
+        AnyMessage::new(foxglove::Odometry {
+            timestamp: Some(seconds(1.0 + x.abs()).to_proto()),
+            frame_id: "odom".into(),
+            body_frame_id: "base".into(),
+            pose: Some(foxglove::Pose { position, orientation }),
+            ..foxglove::Odometry::default()
+        })
+    };
+    let messages: Vec<_> = (0..40).map(|i| (seconds(100.0 + f64::from(i)), odometry(i))).collect();
+    let messages = messages.iter().map(|(time, message)| (*time, "/odom", message));
+    let log = rcs_testkit::logs::hand_made(&[("/odom", schema_of::<foxglove::Odometry>())], messages);
+    let mut source = LogSource::new(&log).unwrap();
+    finish_idle(&mut source);
+    for (to_s, x) in [(105.0, 5.0), (125.0, -5.0), (105.0, 5.0), (106.0, 6.0), (139.0, -19.0)] {
+        source.seek(seconds(to_s), &Task::default()).unwrap();
+        let frame = source.frame();
+        let stamp = frame.transform_time(frame.now);
+        let pose = frame.transforms.lookup_nearest("odom", "base", stamp.0).unwrap();
+        assert_eq!(pose.translation.x, x, "{to_s} s");
+        assert_eq!(frame.track("/odom", RunTag::Recorded).unwrap().points.len(), 20);
+    }
+    let info = source.info();
+    assert_eq!(info.problems.len(), 1);
+    assert!(info.problems[0].contains("goes back by 19.0 s at 20.0 s"), "{:?}", info.problems);
+}

@@ -320,9 +320,7 @@ mod tests {
         let report = Ages::of(&log).unwrap().report();
         let of = |buffer: &BufferReport| serde_json::to_value(&buffer.age).unwrap();
         let ages: Vec<_> = report.buffers.iter().map(of).collect();
-        let unknown = |reason: &str| {
-            json!({ "messages": 1, "p50_ms": null, "p95_ms": null, "max_ms": null, "reason": reason })
-        };
+        let unknown = |reason: &str| json!({ "messages": 1, "p50_ms": null, "p95_ms": null, "max_ms": null, "reason": reason });
         let known = json!({ "messages": 1, "p50_ms": 125.0, "p95_ms": 125.0, "max_ms": 125.0 });
         let (other, none) = (unknown("stamps of another clock"), unknown("no stamp"));
         assert_eq!(ages, [other.clone(), none.clone(), other, known, none]);

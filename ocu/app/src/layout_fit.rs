@@ -138,10 +138,14 @@ pub(crate) fn with_images_of(mut layout: Layout, frame: &Frame) -> Layout {
 fn camera_views<'a>(node: &'a mut Node, views: &mut Vec<(&'a mut SavedState, &'a mut u64)>) {
     match node {
         Node::Row(parts) | Node::Column(parts) => {
-            parts.iter_mut().for_each(|(_, node)| camera_views(node, views));
+            for (_, node) in parts {
+                camera_views(node, views);
+            }
         }
         Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => {
-            nodes.iter_mut().for_each(|node| camera_views(node, views));
+            for node in nodes {
+                camera_views(node, views);
+            }
         }
         Node::View { kind, state, id, .. } if *kind == "camera" => views.push((state, id)),
         Node::View { .. } => {}

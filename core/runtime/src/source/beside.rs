@@ -1,12 +1,12 @@
 //! The viewed moment in other runs of a stack, from what was kept: nothing is computed again for it.
 
 use super::frame::{Frame, Runs, Topic};
+use super::log_view::LogView;
 use super::rates::RunTimes;
 use super::run_tag::RunTag;
 use super::run_transforms::{POSES_NS, RunTransforms};
 use crate::history::{Moment, Point, RunId, Session};
 use rcs_bus::Sample;
-use rcs_geom::TransformTree;
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,14 +34,14 @@ impl Beside {
     }
 
     /// The moment of `frame` in each of the runs: in a run that ended before, its end. `placing` are the buffers that
-    /// give poses of frames, and whether these are static; `recorded` are the transforms of the recording.
+    /// give poses of frames, and whether these are static; `recorded` is the recording.
     pub(super) fn frames(
         &mut self,
         frame: &Frame,
         session: &mut Session,
         times: &RunTimes,
         placing: &[(usize, bool)],
-        recorded: Option<&Arc<TransformTree>>,
+        recorded: Option<&LogView>,
     ) -> Arc<[Arc<Frame>]> {
         let viewed = frame.runs.current();
         let mut watched = self.watched.clone();
@@ -63,12 +63,15 @@ impl Beside {
             let topics = unwired.into_iter().cloned().chain(own).collect();
             let transforms = self.transforms.entry(run).or_default().go_to(at, now, session, placing);
             let transforms = match recorded {
-                Some(recorded) => transforms.share_with(recorded),
+                Some(view) => transforms.share_with(view.transforms(now)),
                 None => transforms.share(),
             };
             let runs = Runs { moment: at, is_at_end: true, filling: None, ..frame.runs.clone() };
             let entities = frame.entities.iter().map(|entities| entities.at(now)).collect();
-            Arc::new(Frame { now, topics, entities, transforms, runs, is_beside: true, ..frame.clone() })
+            let transform_clock =
+                recorded.map_or_else(Arc::default, |view| Arc::clone(view.transform_clock(now)));
+            let placed = Frame { now, topics, entities, transforms, transform_clock, ..frame.clone() };
+            Arc::new(Frame { runs, is_beside: true, ..placed })
         });
         frames.collect()
     }

@@ -286,7 +286,8 @@ pub struct Frame {
     pub topics: Arc<[Topic]>,
     /// All processes, in the order of the stack file.
     pub processes: Arc<[rcs::ProcessInfo]>,
-    /// Every track known so far, over the whole log and in every run, by run and topic.
+    /// Every track known so far, over the whole log and in every run, by run and topic. Of a recording
+    /// whose clock begins again, their part in the run of the clock in which this moment lies.
     pub tracks: Arc<[Track]>,
     /// The entities of every topic that has some, in every run; [`Frame::entities()`] finds those of a topic.
     pub entities: Arc<[Entities]>,
@@ -295,8 +296,9 @@ pub struct Frame {
     /// The fields that were asked for ([`super::Control::Gather`]), in every run, over the whole log as far as it has
     /// been read.
     pub fields: Arc<[FieldSeries]>,
-    /// Transforms: of a recording those of the whole log as far as it has been read, of a run those up to now, of a stack on
-    /// a recording both, where the run's replace recorded ones of the same frame.
+    /// Transforms: of a recording those of the whole log as far as it has been read (where its clock begins again, of the
+    /// run of the clock in which this moment lies), of a run those up to now, of a stack on a recording both, where the
+    /// run's replace recorded ones of the same frame.
     pub transforms: Arc<TransformTree>,
     /// The clock of the transforms of a recording.
     pub transform_clock: Arc<TransformClock>,
@@ -357,9 +359,9 @@ impl Frame {
     }
 
     /// The time by the clock of the transforms at which a message is placed: its time of acquisition, or where that is of
-    /// another clock (of a sensor, or of the log), the time of its log time.
+    /// another clock (of a sensor, of the log, or of before the clock began again), the time of its log time.
     pub fn placing_time(&self, acquired: Stamp, log_time: Stamp) -> Stamp {
-        if self.transform_clock.covers(acquired) { acquired } else { self.transform_time(log_time) }
+        if self.transform_clock.covers(acquired, log_time) { acquired } else { self.transform_time(log_time) }
     }
 
     /// The topic with this name; the computed one if it exists in both.

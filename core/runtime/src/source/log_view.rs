@@ -1,13 +1,14 @@
 //! The topics of a log at one moment, and background reading of the log.
 
 use super::entities::{Entities, EntityWatch, is_scene_type};
+use super::epochs::Epochs;
 use super::events::{EventWatch, Events, is_event_type};
 use super::fields::{FieldSeries, LogFields, alike};
 use super::frame::Topic;
 use super::hierarchy::WRITER_KEYS;
 use super::rates::{LastTimes, WINDOW_NS};
 use super::run_tag::RunTag;
-use super::tracks::{Track, Tracks, is_pose_type, is_transform_type};
+use super::tracks::{Track, is_pose_type, is_transform_type};
 use super::transform_clock::TransformClock;
 use super::{Source, SourceError};
 use crate::conversion::canonical;
@@ -55,12 +56,9 @@ pub(crate) struct LogView {
     /// What is read in the background, one after another: poses, transforms and events; then entities, which take longer.
     background: VecDeque<Cursor>,
     fields: LogFields,
-    tracks: Tracks,
+    epochs: Epochs,
     entities: EntityWatch,
     events: EventWatch,
-    shared_len: usize,
-    pub(crate) shared_tree: Arc<TransformTree>,
-    pub(crate) shared_clock: Arc<TransformClock>,
 }
 
 impl LogView {
@@ -132,12 +130,9 @@ impl LogView {
             ahead: None,
             background,
             fields: LogFields::default(),
-            tracks: Tracks::default(),
+            epochs: Epochs::new(info.start),
             entities,
             events: EventWatch::default(),
-            shared_len: 0,
-            shared_tree: Arc::default(),
-            shared_clock: Arc::default(),
         }
     }
 
@@ -298,7 +293,7 @@ impl LogView {
                         let is_static = is_static_topic(&self.log, message.topic);
                         self.events.look(&topic.name, message.log_time, &message_out);
                         self.entities.look(&topic.name, message.log_time, &message_out);
-                        self.tracks.add(&topic.name, message.log_time, &message_out, is_static);
+                        self.epochs.add(&topic.name, message.log_time, &message_out, is_static);
                     }
                 }
                 // The log has reported chunks that cannot be read; the cursor continues after them.
@@ -309,18 +304,25 @@ impl LogView {
         if !more {
             self.background.pop_front();
         }
-        // Sharing copies the transforms, so it is done when there are half as many more, and at the end.
-        if !more || self.tracks.len() > self.shared_len + self.shared_len / 2 + 64 {
-            self.shared_len = self.tracks.len();
-            self.shared_tree = Arc::new(self.tracks.tree());
-            self.shared_clock = Arc::new(self.tracks.clock());
+        if !more || self.epochs.is_outgrown() {
+            self.epochs.share();
         }
         more || !self.background.is_empty() || self.fields.is_reading()
     }
 
-    /// The tracks of the log, as far as they have been read.
-    pub(crate) fn tracks(&self) -> impl Iterator<Item = Track> + '_ {
-        self.tracks.read(RunTag::Recorded)
+    /// The tracks of the log by which a moment is shown, as far as they have been read: those of the run of its clock.
+    pub(crate) fn tracks(&self, now: Stamp) -> impl Iterator<Item = Track> + '_ {
+        self.epochs.tracks(RunTag::Recorded, now)
+    }
+
+    /// The transforms of the log by which a moment is shown, as far as they have been read: those of the run of its clock.
+    pub(crate) fn transforms(&self, now: Stamp) -> &Arc<TransformTree> {
+        self.epochs.tree(now)
+    }
+
+    /// The clock of [`LogView::transforms`].
+    pub(crate) fn transform_clock(&self, now: Stamp) -> &Arc<TransformClock> {
+        self.epochs.clock(now)
     }
 
     /// The entities of the log at a moment, as far as they have been read.
@@ -330,7 +332,7 @@ impl LogView {
 
     /// What is doubtful about the transforms of the log, as far as they have been read.
     pub(crate) fn doubts(&self) -> &[String] {
-        self.tracks.doubts()
+        self.epochs.doubts()
     }
 
     /// The events of the log, as far as they have been read.

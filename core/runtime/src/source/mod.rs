@@ -9,6 +9,7 @@ mod compared;
 mod comparison;
 mod driver;
 mod entities;
+mod epochs;
 mod events;
 mod fields;
 mod frame;

@@ -1,9 +1,10 @@
 //! Transforms between the frames of a running stack, from its buffers, and from the recording on which it runs.
 
-use super::tracks::{frame_name, is_transform_type, pose_of, to_pose};
+use super::tracks::{frame_name, is_transform_type, pose_of, time_of, to_pose};
+use super::transform_clock::BEGINS_AGAIN_NS;
 use crate::conversion::canonical;
 use rcs_bus::Sample;
-use rcs_geom::TransformTree;
+use rcs_geom::{Pose, TransformError, TransformTree};
 use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -73,9 +74,9 @@ impl RunTransforms {
             let (parent, child) = (frame_name(&odometry.frame_id), frame_name(&odometry.body_frame_id));
             let Some(pose) = odometry.pose.as_ref().and_then(to_pose) else { return };
             if !parent.is_empty() && !child.is_empty() && !self.told.contains(child) {
-                let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
+                let time = time_of(odometry.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
                 // Two estimates of one vehicle: the first one gives its pose, the other is a track only.
-                let _ = self.tree.insert(parent, child, time.0, pose);
+                let _ = self.insert(parent, child, time, pose);
             }
         }
     }
@@ -91,13 +92,19 @@ impl RunTransforms {
             if is_static {
                 return self.tree.set_static(parent, child, pose);
             }
-            let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
-            self.tree.insert(parent, child, time.0, pose)
+            let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
+            self.insert(parent, child, time, pose)
         };
         // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
         if place().is_ok() && !self.told.contains(child) {
             self.told.insert(child.to_owned());
         }
+    }
+
+    /// Adds a sample. Samples of the frame that are much later are forgotten, because its clock has begun again: by them,
+    /// all that come from now on would be too old to keep.
+    fn insert(&mut self, parent: &str, child: &str, time: Stamp, pose: Pose) -> Result<(), TransformError> {
+        self.tree.insert_as_of(parent, child, time.0, pose, time.after_ns(BEGINS_AGAIN_NS).0)
     }
 
     /// Starts again, because the run went back.
@@ -241,6 +248,20 @@ mod tests {
         let of = |target| x(&both, target, "lidar", 100);
         assert_eq!(["local", "global", "odom", "map"].map(of), [3.5, 23.5, 10.5, 110.5]);
         assert_eq!(x(&both, "odom", "local", 100), 7.0);
+    }
+
+    #[test]
+    fn a_frame_whose_clock_begins_again_moves_on_and_a_late_transform_forgets_nothing() {
+        const S: u64 = 1_000_000_000;
+        let mut run = RunTransforms::default();
+        let mut newest = |log_s: u64, stamp_s: u64| {
+            let message = transform("local", "vehicle", stamp_s * S, log_s as f64);
+            run.take(Stamp(log_s * S), &message, false);
+            run.share().newest("local", "vehicle").unwrap()
+        };
+        assert_eq!([newest(100, 60), newest(101, 57), newest(102, 0)], [60, 60, 102].map(|s| Some(s * S)));
+        assert_eq!([newest(103, 1), newest(104, 2)], [1, 2].map(|s| Some(s * S)));
+        assert_eq!(x(&run.share(), "local", "vehicle", 2 * S), 104.0);
     }
 
     #[test]

@@ -58,8 +58,9 @@ pub struct StackSource {
     beside: Beside,
     comparing: Comparing,
     problems: usize,
-    /// Number of problems of the log that have been reported.
+    /// Number of problems of the log, and of its doubtful transforms, that have been reported.
     log_problems: usize,
+    log_doubts: usize,
     generation: u64,
     recording: Option<SourceRecording>,
 }
@@ -181,6 +182,7 @@ impl StackSource {
             comparing: Comparing::default(),
             problems: 0,
             log_problems: log.map_or(0, |log| log.info().problems.len()),
+            log_doubts: 0,
             generation: 0,
             recording: None,
         };
@@ -307,6 +309,11 @@ impl StackSource {
             let told = std::mem::replace(&mut self.log_problems, problems.len());
             Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
         }
+        let doubts = self.recorded.as_ref().map_or(&[][..], LogView::doubts);
+        if doubts.len() > self.log_doubts {
+            let told = std::mem::replace(&mut self.log_doubts, doubts.len());
+            Arc::make_mut(&mut self.info).problems.extend_from_slice(&doubts[told..]);
+        }
     }
 }
 
@@ -360,10 +367,10 @@ impl Source for StackSource {
         let unwired =
             recorded_topics.filter(|topic| !self.wired.values().any(|buffer| *buffer == topic.name));
         let topics = unwired.chain(&self.topics).cloned().collect();
-        let recorded_tracks = recorded.into_iter().flat_map(LogView::tracks);
+        let now = self.now;
+        let recorded_tracks = recorded.into_iter().flat_map(|view| view.tracks(now));
         let own = self.gathering.tracks.read(|run, tracks| tracks.read(run).collect::<Vec<_>>());
         let tracks = recorded_tracks.chain(own.into_iter().flatten()).collect();
-        let now = self.now;
         let recorded_entities = recorded.into_iter().flat_map(|view| view.entities(now));
         let own = self.gathering.entities.read(|run, entities| entities.read(run, now).collect::<Vec<_>>());
         let entities = recorded_entities.chain(own.into_iter().flatten()).collect();
@@ -383,10 +390,10 @@ impl Source for StackSource {
             events,
             fields,
             transforms: match recorded {
-                Some(view) => self.transforms.share_with(&view.shared_tree),
+                Some(view) => self.transforms.share_with(view.transforms(now)),
                 None => self.transforms.share(),
             },
-            transform_clock: recorded.map_or_else(Arc::default, |view| Arc::clone(&view.shared_clock)),
+            transform_clock: recorded.map_or_else(Arc::default, |view| Arc::clone(view.transform_clock(now))),
             runs: Runs {
                 all: Arc::clone(&self.runs),
                 moment: self.session.moment(),
@@ -404,8 +411,7 @@ impl Source for StackSource {
             against: self.comparing.other(),
         };
         let Self { session, gathering, placing, beside, recorded, .. } = self;
-        let recorded = recorded.as_ref().map(|view| &view.shared_tree);
-        frame.beside = beside.frames(&frame, session, &gathering.times, placing, recorded);
+        frame.beside = beside.frames(&frame, session, &gathering.times, placing, recorded.as_ref());
         frame
     }
 

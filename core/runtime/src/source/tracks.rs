@@ -6,7 +6,7 @@
 use super::per_run::{Gathered, Written};
 use super::run_tag::RunTag;
 use super::series::{Record, Series, SeriesWriter};
-use super::transform_clock::{SAME_NS, TransformClock};
+use super::transform_clock::{BEGINS_AGAIN_NS, SAME_NS, TransformClock};
 use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformTree};
 use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeMap;
@@ -234,8 +234,9 @@ impl Tracks {
             {
                 let time = time_of(odometry.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
                 self.implied_clock.add(child, log_time, time);
+                let kept = self.latest_kept(log_time, time);
                 // A loop or a number that is not finite: the track still shows it.
-                let _ = self.implied.insert(parent, child, time.0, pose);
+                let _ = self.implied.insert_as_of(parent, child, time.0, pose, kept.0);
             }
         } else if let Some(list) = message.get::<foxglove::FrameTransforms>() {
             for transform in &list.transforms {
@@ -292,7 +293,8 @@ impl Tracks {
         }
         let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
         self.clock.add(child, log_time, time);
-        if self.tree.insert(parent, child, time.0, pose).is_err() {
+        let kept = self.latest_kept(log_time, time);
+        if self.tree.insert_as_of(parent, child, time.0, pose, kept.0).is_err() {
             return;
         }
         self.transforms += 1;
@@ -308,6 +310,43 @@ impl Tracks {
             }
             Some(_) => {}
         }
+    }
+
+    /// Transforms of a frame that are later than this are forgotten when one with this log time and time is added. Shortly
+    /// after the clock has begun again, a publisher may still send transforms of before, until its first new one.
+    fn latest_kept(&self, log_time: Stamp, time: Stamp) -> Stamp {
+        if self.clock.has_just_begun(log_time) { time.after_ns(BEGINS_AGAIN_NS) } else { Stamp::MAX }
+    }
+
+    /// Ends here, because the clock began again at this log time, and gives what goes on from there: no transforms, the
+    /// positions since then, which are no longer among these, and the origins of geodetic tracks. `doubt` says where it is.
+    pub(crate) fn begin_again(&mut self, begun: Stamp, doubt: Option<String>) -> Self {
+        let mut by_topic = BTreeMap::new();
+        for (topic, track) in &mut self.by_topic {
+            let known = track.points.read();
+            let kept = known.count_before(begun);
+            let points = SeriesWriter::default();
+            if kept < known.len() {
+                known.each(kept..known.len(), |point| points.push(*point));
+                track.points = track.points.fork_first(kept);
+            } else if track.origin.is_none() {
+                continue;
+            }
+            let Growing { origin, has_altitude, .. } = *track;
+            let frame_id = Arc::clone(&track.frame_id);
+            let next = Growing { frame_id, origin, has_altitude, points, found_at: Vec::new() };
+            by_topic.insert(Arc::clone(topic), next);
+        }
+        let moved_by = std::mem::take(&mut self.moved_by);
+        let mut doubts = std::mem::take(&mut self.doubts);
+        doubts.extend(doubt);
+        let [clock, implied_clock] = [begun; 2].map(TransformClock::begun_at);
+        Self { by_topic, clock, implied_clock, moved_by, doubts, ..Self::default() }
+    }
+
+    /// Whether a message with transforms, not only odometry, moves or places this frame.
+    pub(crate) fn has_transform(&self, frame: &str) -> bool {
+        self.tree.parent(frame).is_some()
     }
 
     /// Number of positions and transforms.
@@ -345,9 +384,14 @@ impl Tracks {
     }
 }
 
+/// The stamp of a message; `None` for one of 0 in a log that is not at 0, which states none.
+pub(crate) fn stated(stamp: Option<Stamp>, log_time: Stamp) -> Option<Stamp> {
+    stamp.filter(|stamp| stamp.0 != 0 || log_time.0 <= SAME_NS)
+}
+
 /// The time with which a transform counts.
-fn time_of(stamp: Option<Stamp>, log_time: Stamp) -> Stamp {
-    stamp.filter(|stamp| stamp.0 != 0 || log_time.0 <= SAME_NS).unwrap_or(log_time)
+pub(crate) fn time_of(stamp: Option<Stamp>, log_time: Stamp) -> Stamp {
+    stated(stamp, log_time).unwrap_or(log_time)
 }
 
 /// Position, m, and heading, rad, of a pose. Four zeros are an orientation that was never set: the heading is NaN. `None`

@@ -7,6 +7,8 @@
 //! Publishers differ: corrections of a map are often stamped ahead of the odometry. So the clock follows the transforms of
 //! one frame, the one that is sent most often; stamps of the others would move it to and fro.
 //!
+//! Where the stamps begin again, another [`TransformClock`] begins, too (`epochs.rs`).
+//!
 //! This holds only where most transforms are stamped more than [`SAME_NS`] away from their log times. Otherwise both clocks
 //! count as one, and no time changes: delays, and stamps ahead of the clock, are as the recording has them.
 //!
@@ -18,6 +20,8 @@ use std::collections::BTreeMap;
 
 /// Clocks that are not farther apart than this count as one, ns.
 pub(super) const SAME_NS: u64 = 10_000_000_000;
+/// A clock whose stamps go back by more than this has begun again, ns; by less, they came out of order.
+pub(super) const BEGINS_AGAIN_NS: u64 = 5_000_000_000;
 /// A stamp that is as near as this to the expected one tells nothing new, ns.
 const EXPECTED_NS: u64 = 5_000_000;
 
@@ -54,9 +58,21 @@ pub struct TransformClock {
     far: u64,
     /// Oldest and newest stamp.
     span: Option<(Stamp, Stamp)>,
+    /// Log time at which the stamps began again; `None` for the first ones of a log.
+    begun: Option<Stamp>,
 }
 
 impl TransformClock {
+    /// The clock from this log time on, at which the stamps begin again.
+    pub(super) fn begun_at(log_time: Stamp) -> Self {
+        Self { begun: Some(log_time), ..Self::default() }
+    }
+
+    /// Whether the stamps began again shortly before a log time, so that there may still be some of before.
+    pub(super) fn has_just_begun(&self, log_time: Stamp) -> bool {
+        self.begun.is_some_and(|begun| log_time < begun.after_ns(BEGINS_AGAIN_NS))
+    }
+
     /// Adds the stamp of a transform of the frame `child`; log times ascend.
     pub(super) fn add(&mut self, child: &str, log_time: Stamp, stamp: Stamp) {
         let (first, last) = self.span.unwrap_or((stamp, stamp));
@@ -122,10 +138,11 @@ impl TransformClock {
         }
     }
 
-    /// Whether a time can be of the clock of the transforms: near the time that they span. Without a transform, any can.
-    pub(super) fn covers(&self, time: Stamp) -> bool {
-        self.span
-            .is_none_or(|(first, last)| (first.before_ns(SAME_NS)..=last.after_ns(SAME_NS)).contains(&time))
+    /// Whether the time that a message of a log time states can be of the clock of the transforms: near the time that they
+    /// span, where the stamps have not begun again since the message. Without a transform, any can.
+    pub(super) fn covers(&self, time: Stamp, log_time: Stamp) -> bool {
+        let span = self.span.map(|(first, last)| first.before_ns(SAME_NS)..=last.after_ns(SAME_NS));
+        self.begun.is_none_or(|begun| log_time >= begun) && span.is_none_or(|span| span.contains(&time))
     }
 }
 
@@ -151,7 +168,8 @@ mod tests {
         for time in [T0 - S, T0, T0 + 50 * S + 1, T0 + 1000 * S].map(Stamp) {
             assert_eq!([late.at(time), one_publisher_is_off.at(time)], [time; 2]);
         }
-        assert!(late.covers(Stamp(T0)) && !late.covers(Stamp(100 * S)) && clock([]).covers(Stamp(3)));
+        let covers = |clock: &TransformClock, stamp: u64| clock.covers(Stamp(stamp), Stamp(T0));
+        assert!(covers(&late, T0) && !covers(&late, 100 * S) && covers(&clock([]), 3));
     }
 
     #[test]
@@ -167,7 +185,7 @@ mod tests {
         );
         assert_eq!(slow.at(Stamp(T0 - S)), Stamp(99 * S), "before the first one");
         assert_eq!(slow.at(Stamp(T0 + 109 * S)), Stamp(149 * S + S / 2 + 10 * S), "after the last one");
-        assert!(slow.covers(Stamp(95 * S)) && !slow.covers(Stamp(T0)));
+        assert!(slow.covers(Stamp(95 * S), Stamp(T0)) && !slow.covers(Stamp(T0), Stamp(T0)));
     }
 
     #[test]

@@ -319,7 +319,9 @@ impl Map {
                 _ => {}
             }
         }
-        robot.into_iter().for_each(|robot| paint::robot(ui, robot, viewport, canvas, &mut labels));
+        if let Some(robot) = robot {
+            paint::robot(ui, robot, viewport, canvas, &mut labels);
+        }
         paint::metre_numbers(ui, canvas, numbers);
         self.badges(ui, cx.frame, map, &shown, canvas);
         self.paint_measured(ui, viewport, canvas, &mut labels);

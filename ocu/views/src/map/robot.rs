@@ -40,9 +40,8 @@ impl Robot {
 pub(super) fn own_frame(frame: &Frame) -> Option<&str> {
     let frames = frame.transforms.frames();
     let named = |wanted: &str| {
-        let is_own = |name: &&str| {
-            name.rsplit('/').next() == Some(wanted) && frame.transforms.parent(name).is_some()
-        };
+        let is_own =
+            |name: &&str| name.rsplit('/').next() == Some(wanted) && frame.transforms.parent(name).is_some();
         let own: Vec<&str> = frames.iter().copied().filter(is_own).collect();
         if let [one] = own.as_slice() { Some(*one) } else { None }
     };
