@@ -12,13 +12,22 @@ pub(super) struct Item {
     is_optional: bool,
 }
 
+/// Whether a line is `struct NAME {` or `enum NAME {`.
+fn is_head(line: &str, name: &str) -> bool {
+    let words: Vec<_> = line.split([' ', '<', '{']).collect();
+    words.windows(2).any(|pair| ["struct", "enum"].contains(&pair[0]) && pair[1] == name)
+}
+
 /// The lines of `struct NAME {` or `enum NAME {` of a source, up to its end.
 fn body<'t>(text: &'t str, name: &str) -> impl Iterator<Item = &'t str> {
-    let is_head = move |line: &str| {
-        let words: Vec<_> = line.split([' ', '<', '{']).collect();
-        words.windows(2).any(|pair| ["struct", "enum"].contains(&pair[0]) && pair[1] == name)
-    };
-    text.lines().skip_while(move |line| !is_head(line)).skip(1).take_while(|line| *line != "}")
+    text.lines().skip_while(move |line| !is_head(line, name)).skip(1).take_while(|line| *line != "}")
+}
+
+/// Whether every field of a structure has a default: `#[serde(default)]` is above its head.
+fn has_defaults(text: &str, name: &str) -> bool {
+    let before: Vec<_> = text.lines().take_while(|line| !is_head(line, name)).collect();
+    let mut above = before.iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("///"));
+    above.any(|line| line.starts_with("#[serde(") && line.contains("default"))
 }
 
 /// `#[serde(rename = "x")]`.
@@ -61,6 +70,7 @@ pub(super) fn variants(file: &str, name: &str) -> Vec<Item> {
 
 fn items(text: &str, name: &str, are_fields: bool) -> Vec<Item> {
     let (mut items, mut help, mut rename, mut defaulted) = (Vec::new(), Vec::new(), None, false);
+    let has_defaults = has_defaults(text, name);
     for line in body(text, name).map(|line| line.strip_prefix("    ").unwrap_or(line)) {
         if let Some(doc) = line.strip_prefix("///") {
             help.push(doc.trim().to_owned());
@@ -71,12 +81,14 @@ fn items(text: &str, name: &str, are_fields: bool) -> Vec<Item> {
             let line = line.trim_start_matches("pub(crate) ").trim_start_matches("pub(super) ");
             let (own, type_name) =
                 line.trim_start_matches("pub ").split_once(':').filter(|_| are_fields).unwrap_or((line, ""));
-            let own = own.trim_end_matches(',').to_owned();
+            let own = own.split([',', '(', ' ']).next().unwrap_or(own).to_owned();
             items.push(Item {
                 name: rename.take().unwrap_or(if are_fields { own } else { snake(&own) }),
                 type_name: plain(type_name),
                 help: std::mem::take(&mut help).join(" "),
-                is_optional: std::mem::take(&mut defaulted) || type_name.trim().starts_with("Option<"),
+                is_optional: std::mem::take(&mut defaulted)
+                    || has_defaults
+                    || type_name.trim().starts_with("Option<"),
             });
         }
     }
@@ -117,7 +129,8 @@ pub(super) fn words(heading: &str, items: &[Item]) -> String {
 fn fields_are_read_with_their_names_types_and_help() {
     let text = "/// X.\npub struct Other {\n}\nstruct Entry {\n    /// How\n    /// deep.\n    #[serde(default, rename = \"queue\")]\n    \
                 pub depth: Spanned<usize>,\n    /// Who.\n    pub(crate) who: Option<Spanned<String>>,\n}\nenum Class {\n    \
-                /// Soon.\n    RealTime,\n}\n";
+                /// Soon.\n    RealTime,\n    /// Side by side.\n    Row(Vec<(f32, Class)>),\n    /// Some.\n    Tabs {\n        \
+                /// Which.\n        active: usize,\n    },\n}\n";
     let item = |name: &str, type_name: &str, help: &str, is_optional| Item {
         name: name.to_owned(),
         type_name: type_name.to_owned(),
@@ -126,5 +139,14 @@ fn fields_are_read_with_their_names_types_and_help() {
     };
     let expected = [item("queue", "usize", "How deep.", true), item("who", "String", "Who.", true)];
     assert_eq!(items(text, "Entry", true), expected);
-    assert_eq!(items(text, "Class", false), [item("real_time", "", "Soon.", false)]);
+    let expected = [("real_time", "Soon."), ("row", "Side by side."), ("tabs", "Some.")];
+    assert_eq!(items(text, "Class", false), expected.map(|(name, help)| item(name, "", help, false)));
+}
+
+#[test]
+fn no_field_of_a_structure_with_defaults_is_required() {
+    let text = "/// X.\n#[derive(Default)]\n#[serde(default)]\nstruct Saved {\n    /// How deep.\n    depth: usize,\n}\n\n\
+                #[derive(Default)]\nstruct Other {\n    /// Who.\n    who: usize,\n}\n";
+    let is_optional = |name: &str| items(text, name, true)[0].is_optional;
+    assert!(is_optional("Saved") && !is_optional("Other"));
 }

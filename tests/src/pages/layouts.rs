@@ -14,6 +14,15 @@ const KEPT: [(&str, &str); 5] = [
     ("log", "ocu/views/src/text_log.rs"),
 ];
 
+/// How a file writes each kind of tile.
+const TILES: [(&str, &str); 5] = [
+    ("row", "Row([(WIDTH, TILE), …])"),
+    ("column", "Column([(HEIGHT, TILE), …])"),
+    ("grid", "Grid([TILE, …])"),
+    ("tabs", "Tabs(active: N, tiles: [TILE, …])"),
+    ("view", "View(kind: \"map\", state: {…})"),
+];
+
 #[test]
 fn the_reference_of_layouts_is_made_from_what_reads_them() {
     let mut text = "# Layouts\n\nRON files, made from the structures that a file is read into; `layouts/` holds those that \
@@ -22,13 +31,20 @@ fn the_reference_of_layouts_is_made_from_what_reads_them() {
                     (1.0, Tabs(active: 0, tiles: [View(kind: \"map\"), View(kind: \"fields\")])),\n    ]),\n)\n```\n\n"
         .to_owned();
     text += &keys(&fields(FILE, "Layout"));
-    text += "## Tiles\n\nAs the source has them, in lower case: `Row`, `Column`, `Grid`, `Tabs`, `View`.\n\n";
-    let tiles: Vec<_> = variants(FILE, "Node").into_iter().filter(|item| !item.name.is_empty()).collect();
+    text += "## Tiles\n\nNames are written as in the example above.\n\n";
+    let mut tiles = variants(FILE, "Node");
+    for tile in &mut tiles {
+        let written = TILES.iter().find(|(name, _)| *name == tile.name);
+        let (_, written) = written.unwrap_or_else(|| panic!("{}: how is it written?", tile.name));
+        (*written).clone_into(&mut tile.name);
+    }
     text += &words("tile", &tiles);
     for (kind, file) in KEPT {
         assert!(ocu_views::view_type(kind).is_some(), "there is a view {kind}");
         text += &["## State of `", kind, "`\n\n"].concat();
         text += &keys(&fields(file, "Saved"));
     }
+    text += "## State of other views\n\nOther views keep a state, too; arrange one in the window and read the file under \
+             `~/.local/share/ocu/layouts`.\n";
     check_reference("layouts", &format!("{}\n", text.trim_end()));
 }

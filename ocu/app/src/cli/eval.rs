@@ -121,7 +121,8 @@ pub struct EvalColorArgs {
                         that writes the label images, on one thread; null without a stack."
 )]
 pub struct EvalClassifyArgs {
-    /// Recording with the label images, or what the stack needs to make them
+    /// Recording with the label images, or with what the stack needs to make them; of one that was split, the folder or
+    /// the first file
     #[arg(long, required_unless_present = "stack")]
     pub log: Option<PathBuf>,
     /// Topic of the true label images, of the recording or of the stack
@@ -191,7 +192,8 @@ pub struct EvalPlanArgs {
                         counted in parts of about 1.5 m."
 )]
 pub struct EvalObstaclesArgs {
-    /// Recording with maps, the true map and the true pose of the vehicle
+    /// Recording with maps, the true map and the true pose of the vehicle; of one that was split, the folder or
+    /// the first file
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
     /// Topic of the maps; by default the one whose role is map

@@ -40,7 +40,7 @@ use std::sync::Arc;
     version,
     about = "Operator control unit and diagnostics tool for 4D/RCS robots",
     args_conflicts_with_subcommands = true,
-    after_help = "Examples:\n  ocu                                   drive in the simulation\n  \
+    after_help = "Examples:\n  ocu                                   open a simulated robot; Play sends it to its goal\n  \
                   ocu --course hill                     drive on another course\n  \
                   ocu drive.mcap                        look at a recording\n  \
                   ocu drive.mcap --stack range_camera   run a stack on it and step both ways\n  \
@@ -71,13 +71,13 @@ pub enum Command {
     Check(CheckArgs),
     /// Write a range of a recording to a new one
     Cut(CutArgs),
-    /// Write fields of a recording as a table (CSV)
+    /// Write fields of a recording as a table (CSV or Parquet)
     Export(ExportArgs),
     /// Print who supervises whom and who reads whose data, of a stack or a recording
     Graph(GraphArgs),
     /// Say how old the messages of a recording were when they became visible
     Latency(LatencyArgs),
-    /// Draw a layout at a time into a PNG; needs no display
+    /// Draw a layout at a time as a PNG, or over a time as a GIF; needs no display
     Render(RenderArgs),
     /// Record a short simulated drive, for a first look
     Sample(SampleArgs),

@@ -24,7 +24,7 @@ pub struct DiffArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu info drive.mcap --json")]
 pub struct InfoArgs {
-    /// Recording to describe
+    /// Recording to describe; of one that was split, the folder or the first file
     pub log: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -38,7 +38,7 @@ pub struct InfoArgs {
                         indexes, and every message by its schema. Exit codes: 0 the recording is sound, 3 something \
                         is wrong with it.")]
 pub struct CheckArgs {
-    /// Recording to check
+    /// Recording to check; of one that was split, the folder or the first file
     pub log: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -49,7 +49,7 @@ pub struct CheckArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu latency run.mcap --json")]
 pub struct LatencyArgs {
-    /// Recording of a run
+    /// Recording of a run; of one that was split, the folder or the first file
     pub log: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -64,7 +64,7 @@ pub struct LatencyArgs {
                         ocu render drive.mcap --at 2 --to 30 --speed 4 --size 800x450 -o drive.gif"
 )]
 pub struct RenderArgs {
-    /// Recording to draw
+    /// Recording to draw; of one that was split, the folder or the first file
     #[arg(required_unless_present = "stack")]
     pub log: Option<PathBuf>,
     /// Stack to run on it: the name of a bundled one, or a .toml file
@@ -115,7 +115,7 @@ pub struct RenderArgs {
                         calibrations, parameters, the map) is carried to its start. A part that begins \
                         later lacks the beginning of its run: ocu run --replay refuses it.")]
 pub struct CutArgs {
-    /// Recording to cut
+    /// Recording to cut; of one that was split, the folder or the first file
     pub log: PathBuf,
     /// Start of the range, in seconds from the start of the recording
     #[arg(long, value_name = "T", default_value = "0", value_parser = parse_seconds)]

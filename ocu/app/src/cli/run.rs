@@ -30,7 +30,7 @@ pub struct RunArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK", required_unless_present = "replay")]
     pub stack: Option<String>,
-    /// Recording that the stack reads
+    /// Recording that the stack reads; of one that was split, the folder or the first file
     #[arg(long)]
     pub log: Option<PathBuf>,
     /// Course that a simulation runs: the name of a bundled one, or a .toml file

@@ -34,7 +34,7 @@ pub struct StackShowArgs {
 pub struct StackCheckArgs {
     /// Stack to check: the name of a bundled one, or a .toml file
     pub stack: String,
-    /// Recording that the stack is to read
+    /// Recording that the stack is to read; of one that was split, the folder or the first file
     #[arg(long)]
     pub log: Option<PathBuf>,
     /// Course that a simulation runs: the name of a bundled one, or a .toml file

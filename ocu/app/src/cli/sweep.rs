@@ -19,7 +19,7 @@ pub struct SweepArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK")]
     pub stack: String,
-    /// Recording that the stack reads
+    /// Recording that the stack reads; of one that was split, the folder or the first file
     #[arg(long)]
     pub log: Option<PathBuf>,
     /// Further files of it, if it was split and the window has them by name.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
                         recording is damaged and the table has what could be read."
 )]
 pub struct ExportArgs {
-    /// Recording to read
+    /// Recording to read; of one that was split, the folder or the first file
     pub log: PathBuf,
     /// Fields or formulas: a column each
     #[arg(long, required = true, num_args = 1.., value_name = "FIELD")]

@@ -17,7 +17,7 @@ use std::path::PathBuf;
                   judgement is a cost of an obstacle where the vehicle drove, or one of free ground where there was \
                   an obstacle.")]
 pub struct TuneArgs {
-    /// Recording of the drive
+    /// Recording of the drive; of one that was split, the folder or the first file
     #[arg(long)]
     pub log: PathBuf,
     /// Stack whose weights are learned: the name of a bundled one, or a .toml file

@@ -28,7 +28,10 @@ struct Mark {
 /// The bookmarks of a source, in ascending order of time.
 #[derive(Debug, Default)]
 pub(super) struct Bookmarks {
+    /// Where they are kept; `None` without a recording, or where their file cannot be read.
     file: Option<PathBuf>,
+    /// Whether their file cannot be read.
+    is_unreadable: bool,
     marks: Vec<Mark>,
     /// The range that the timeline shows, which can be kept; and the kept one that it is to show.
     shown: Option<[Stamp; 2]>,
@@ -55,7 +58,7 @@ impl Bookmarks {
             // A file that cannot be read is not written over.
             Err(error) => {
                 let failed = format!("the bookmarks cannot be read: {error}: {}", file.display());
-                Self { failed: Some(failed), ..Self::default() }
+                Self { is_unreadable: true, failed: Some(failed), ..Self::default() }
             }
         }
     }
@@ -103,6 +106,17 @@ impl Bookmarks {
         }
     }
 
+    /// The text of the list without bookmarks: whether they would be kept.
+    fn empty_text(&self) -> &'static str {
+        if self.file.is_some() {
+            "None. They are kept beside the recording."
+        } else if self.is_unreadable {
+            "None. They are forgotten when this recording is left: their file cannot be read."
+        } else {
+            "None. They are forgotten when this run is left: it is no recording."
+        }
+    }
+
     /// The list of bookmarks, as a menu of the bar of time.
     pub(super) fn menu(&mut self, ui: &mut Ui, form: Form, frame: &Frame, controls: &mut Vec<Control>) {
         let text = if form == Form::Listed { "Bookmarks".to_owned() } else { self.marks.len().to_string() };
@@ -120,8 +134,7 @@ impl Bookmarks {
             }
             ui.separator();
             if self.marks.is_empty() {
-                let text = "None. They are kept beside the recording.";
-                ui.label(egui::RichText::new(text).small().color(tokens(ui).weak));
+                ui.label(egui::RichText::new(self.empty_text()).small().color(tokens(ui).weak));
             }
             let (mut changed, mut removed) = (false, None);
             for (index, mark) in self.marks.iter_mut().enumerate() {
@@ -219,6 +232,16 @@ mod tests {
         damaged.toggle(Stamp(5));
         assert!(damaged.take_failure().unwrap().contains("drive.mcap.marks.json"));
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "nonsense");
+    }
+
+    #[test]
+    fn the_empty_list_says_whether_bookmarks_are_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let log = dir.path().join("drive.mcap");
+        assert!(Bookmarks::of(None).empty_text().contains("when this run is left: it is no recording"));
+        assert!(Bookmarks::of(Some(&log)).empty_text().contains("kept beside the recording"));
+        std::fs::write(dir.path().join("drive.mcap.marks.json"), "nonsense").unwrap();
+        assert!(Bookmarks::of(Some(&log)).empty_text().contains("their file cannot be read"));
     }
 
     #[test]

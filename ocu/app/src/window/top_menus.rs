@@ -25,8 +25,8 @@ pub(super) fn open_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, action
             actions.push(TopBarAction::Ask);
             ui.close();
         }
-        if ui.button("Simulation").on_hover_text("A vehicle in a simulated world, to drive by hand").clicked()
-        {
+        let help = "A simulated robot before its course; Play sends it to the goal";
+        if ui.button("Simulation").on_hover_text(help).clicked() {
             actions.push(TopBarAction::Open(Request { past: past(), ..Request::simulation() }));
             ui.close();
         }
