@@ -30,7 +30,7 @@ fn main() {
     let clock = Instant::now();
     std::thread::sleep(Duration::from_secs_f64(seconds));
     let timings = live.timings();
-    let stopped = live.stop().unwrap();
+    let stopped = live.stop();
     let processes: Vec<_> = timings
         .iter()
         .zip(&plan.processes)
@@ -51,7 +51,7 @@ fn main() {
             })
         })
         .collect();
-    let recorder = stopped.recording.unwrap_or_default();
+    let recorder = stopped.recording.unwrap().unwrap();
     let report = serde_json::json!({
         "stack": stack,
         "wall_s": clock.elapsed().as_secs_f64(),

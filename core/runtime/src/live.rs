@@ -99,10 +99,10 @@ struct NamedThread {
 }
 
 /// Result of a live run.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Stopped {
     /// Result of the recording; `None` if there was none.
-    pub recording: Option<RecorderStatus>,
+    pub recording: Option<Result<RecorderStatus, RunError>>,
     /// Processes that did not end in time and whose threads were left behind.
     pub hung: Vec<String>,
     /// Summary of the run.
@@ -246,14 +246,14 @@ impl Live {
     }
 
     /// Ends every process after its cycle, then the recording. A hung process is left behind.
-    pub fn stop(mut self) -> Result<Stopped, RunError> {
+    pub fn stop(mut self) -> Stopped {
         let hung = self.end_threads();
         let now = self.now();
-        let recording = self.recording.take().map(|recording| recording.finish_at(now)).transpose()?;
+        let recording = self.recording.take().map(|recording| recording.finish_at(now));
         let Machine { plan, buffers, .. } = &self.shared.machine;
         let work: Vec<_> = self.worker_states.iter().map(|state| state.work()).collect();
         let summary = self.tally.take().map(|tally| tally.finish(plan, buffers, &work, (self.start, now)));
-        Ok(Stopped { recording, hung, summary: summary.unwrap_or_default(), timings: self.timings() })
+        Stopped { recording, hung, summary: summary.unwrap_or_default(), timings: self.timings() }
     }
 
     /// Ends the threads, and returns the names of the processes that did not end in time.

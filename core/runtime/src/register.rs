@@ -16,7 +16,7 @@
 //! report anything else.
 
 use crate::command::{Decode, HALT, INIT, RELEASE, RUN, TAKE, Typed, no_parameters};
-use crate::status::StatusCell;
+use crate::status::{Obeyed, StatusCell};
 use rcs_bus::{Sample, WriterId};
 use rcs_msg::{Stamp, rcs};
 use serde::{Deserialize, Serialize};
@@ -190,7 +190,7 @@ impl Register {
         let who = match self.admit(sample.header.writer, command.serial, at, sources) {
             Ok(who) => who,
             Err(denied) => {
-                status.obeyed_mut().supervisor_serial = self.serials[Authority::Supervisor as usize];
+                self.show_serials(sources, status.obeyed_mut());
                 refuse(status, &writer, &command, denied);
                 return CommandOutcome::Unchanged;
             }
@@ -201,7 +201,7 @@ impl Register {
         }
         let obeyed = status.obeyed_mut();
         sources.name_of(self.owner).clone_into(&mut obeyed.owner);
-        obeyed.supervisor_serial = self.serials[Authority::Supervisor as usize];
+        self.show_serials(sources, obeyed);
         if [TAKE, RELEASE].contains(&command.name.as_str()) {
             return CommandOutcome::Unchanged;
         }
@@ -220,6 +220,14 @@ impl Register {
                 note(status, &writer, &command, Denied { reason, no_authority: false });
                 CommandOutcome::Unchanged
             }
+        }
+    }
+
+    /// Shows the last serial of each commander, which the echo does not where both of them command.
+    fn show_serials(&self, sources: &CommandSources, obeyed: &mut Obeyed) {
+        obeyed.supervisor_serial = self.serials[Authority::Supervisor as usize];
+        if sources.supervisor.is_some() {
+            obeyed.operator_serial = self.serials[Authority::Operator as usize];
         }
     }
 

@@ -81,6 +81,7 @@ pub(crate) struct Obeyed {
     pub(crate) owner: String,
     pub(crate) commander: String,
     pub(crate) supervisor_serial: u64,
+    pub(crate) operator_serial: u64,
     pub(crate) refused: Option<rcs::Refusal>,
     /// If the owner's last command was refused: text and source line of the `ERROR` that is shown until a command is
     /// accepted.
@@ -155,6 +156,7 @@ impl StatusContent {
             commander: obeyed.commander.clone(),
             supervisor_serial: obeyed.supervisor_serial,
             refused: obeyed.refused.clone(),
+            operator_serial: obeyed.operator_serial,
             ..head
         }
     }
@@ -195,6 +197,7 @@ impl StatusCell {
             owner: status.owner.clone(),
             commander: status.commander.clone(),
             supervisor_serial: status.supervisor_serial,
+            operator_serial: status.operator_serial,
             refused: status.refused.clone(),
             rejected: None,
         };
@@ -374,6 +377,7 @@ mod tests {
             command: "RUN".to_owned(),
             echo_serial: 7,
             owner: "operator".to_owned(),
+            operator_serial: 7,
             refused: Some(rcs::Refusal { serial: 3, ..rcs::Refusal::default() }),
             ..Obeyed::default()
         };

@@ -403,6 +403,7 @@ fn the_operators_halt_does_not_vanish_under_the_orders_of_a_supervisor() {
 fn the_authority_is_handed_back_by_release_and_lost_on_silence() {
     let mut bench = Bench::new(BOSS);
     bench.forward(0.5);
+    assert_eq!(bench.status("counter").operator_serial, 0);
     bench.say("counter", "TAKE");
     let status = bench.status("counter");
     assert_eq!(
@@ -411,8 +412,9 @@ fn the_authority_is_handed_back_by_release_and_lost_on_silence() {
         "what it does stays"
     );
     assert_eq!(status.state(), Exec);
-    bench.say("counter", "RELEASE");
-    assert_eq!(bench.status("counter").owner, "boss");
+    let status = bench.say("counter", "RELEASE");
+    assert_eq!((status.owner.as_str(), status.operator_serial), ("boss", 3));
+    assert_eq!(bench.status("boss").operator_serial, 0, "it has no other commander");
 
     bench.say("counter", "HALT");
     bench.forward(0.8);

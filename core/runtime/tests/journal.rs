@@ -277,8 +277,8 @@ fn a_live_run_with_a_sensor_an_edit_and_a_command_replays_to_its_own_hash() {
     let halt = rcs::Command { serial: 9, name: "HALT".to_owned(), ..Default::default() };
     live.take(ExternalEvent::operator("/second/command", AnyMessage::new(halt))).unwrap();
     wait(20);
-    let stopped = live.stop().unwrap();
-    assert_eq!(stopped.recording.unwrap().dropped, 0);
+    let stopped = live.stop();
+    assert_eq!(stopped.recording.unwrap().unwrap().dropped, 0);
     let log = Log::open(&path).unwrap();
     assert_eq!(repeat(&log), (stopped.summary.hash.unwrap(), None));
     // Without one of its cycles the schedule has a gap, and the run is repeated only up to it.

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
+use rcs_runtime::RunId;
 use rcs_runtime::source::{
     Control, Driver, Frame, HeldControl, Source, SourceError, SourceInfo, SourceKind, Step, Task,
 };
@@ -203,6 +204,30 @@ fn a_hand_that_nobody_speaks_for_lets_go() {
 }
 
 #[test]
+fn going_back_ends_what_is_held_until_it_is_let_go_and_writes_nothing_there() {
+    let (driver, written) = drive(0.01);
+    let at = |ms: u64| Stamp(ms * 1_000_000);
+    let held = hand(1.0);
+    driver.send(Control::Hold(held.clone()));
+    driver.send(Control::Play);
+    wait(&driver, "time to pass", |frame| frame.now > at(200));
+    driver.send(Control::Hold(held.clone()));
+    driver.send(Control::Seek(at(100)));
+    // The window has not seen the earlier time yet.
+    driver.send(Control::Hold(held));
+    wait(&driver, "the past", |frame| frame.playback.from == at(100) && frame.now > at(300));
+    driver.send(Control::LetGo(hand(0.0)));
+    driver.send(Control::Pause);
+    wait(&driver, "the pause", |frame| !frame.playback.playing);
+    let so_far = written.lock().unwrap().clone();
+    assert!(so_far.iter().all(|(.., x)| *x == 1.0), "no last message: {so_far:?}");
+    assert!(so_far.windows(2).all(|pair| pair[0].1 <= pair[1].1), "nothing in the past: {so_far:?}");
+    driver.send(Control::Hold(hand(2.0)));
+    driver.send(Control::Play);
+    wait(&driver, "what is held anew", |_| written.lock().unwrap().iter().any(|(.., x)| *x == 2.0));
+}
+
+#[test]
 fn nothing_is_written_while_time_stands() {
     let (driver, written) = drive(0.01);
     for _ in 0..10 {
@@ -258,6 +283,14 @@ impl Source for Slow {
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
         self.busy.write(buffer, message)
     }
+
+    fn undo(&mut self) -> Result<bool, SourceError> {
+        self.busy.write("undone", AnyMessage::new(foxglove::Vector3::default())).map(|()| true)
+    }
+
+    fn switch_run(&mut self, run: RunId) -> Result<(), SourceError> {
+        self.busy.write(&run.to_string(), AnyMessage::new(foxglove::Vector3::default()))
+    }
 }
 
 fn slow() -> (Driver, Written, Arc<Mutex<u32>>) {
@@ -292,6 +325,23 @@ fn an_emergency_stop_ends_a_seek_and_goes_before_everything_that_waits() {
     let written: Vec<_> = written.lock().unwrap().iter().map(|(buffer, ..)| buffer.clone()).collect();
     assert_eq!(written, ["/stop", "/other"]);
     assert_eq!(*seeks.lock().unwrap(), 1, "the seek that waited is gone");
+}
+
+#[test]
+fn an_undo_and_another_run_that_wait_behind_an_emergency_stop_do_not_take_it_back() {
+    let (driver, written, seeks) = slow();
+    driver.send(Control::Seek(Stamp(1)));
+    let start = Instant::now();
+    while *seeks.lock().unwrap() == 0 {
+        assert!(start.elapsed() < PATIENCE, "the seek never began");
+    }
+    driver.send(Control::Undo);
+    driver.send(Control::SwitchRun(RunId(0)));
+    driver.send(Control::Speed(2.0));
+    driver.send(write("/stop", stop()));
+    wait(&driver, "the rest", |frame| frame.playback.speed == 2.0);
+    let written: Vec<_> = written.lock().unwrap().iter().map(|(buffer, ..)| buffer.clone()).collect();
+    assert_eq!(written, ["/stop"]);
 }
 
 #[test]

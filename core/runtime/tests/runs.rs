@@ -321,7 +321,7 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
     let hold = ExternalEvent::operator("/runtime/override", AnyMessage::new(hold));
     live.take(hold).unwrap();
     wait(&live, 15);
-    let status = live.stop().unwrap().recording.unwrap();
+    let status = live.stop().recording.unwrap().unwrap();
     assert_eq!((status.dropped, status.error), (0, None));
 
     let log = Log::open(&path).unwrap();

@@ -427,6 +427,22 @@ fn a_full_disk_ends_the_run_at_once_and_leaves_a_readable_recording() {
 }
 
 #[test]
+fn a_live_run_on_a_full_disk_prints_its_report_and_saves_messages_nevertheless() {
+    let dir = tempfile::tempdir().unwrap();
+    let (record, saved) = (dir.path().join("full.mcap"), dir.path().join("vehicle.json"));
+    let save = format!("/vehicle_interface/vehicle={}", saved.display());
+    let run = ["run", "--live", "--stack", "simulation", "--json", "--record", text(&record)];
+    let more = ["--save", &save, "--until", "2", "--keep-going"];
+    let Some(done) = ocu_on_a_small_disk(1024, &[&run[..], &more].concat()) else { return };
+    assert_eq!(done.code, 1, "{}{}", done.out, done.errors);
+    assert!(done.errors.contains("full.mcap"), "{}", done.errors);
+    let report = done.json();
+    assert_eq!(report["outcome"], "error");
+    assert!(report["time_s"].as_f64().unwrap() > 1.9, "{report}");
+    assert!(saved.is_file());
+}
+
+#[test]
 fn a_full_disk_is_reported_by_every_command_that_writes() {
     let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("drive.mcap");

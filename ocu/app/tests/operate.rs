@@ -59,6 +59,61 @@ fn an_arrow_steps_and_never_drives() {
 }
 
 #[test]
+fn looking_back_with_a_drive_key_held_writes_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    wait_until(&mut harness, "some time", |frame| frame.time_s() > 3.0);
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "forward", |frame| command(frame) == Some([1.0, 0.0]));
+    let end = frame(&harness).unwrap().now;
+    harness.key_press(Key::ArrowLeft);
+    wait_until(&mut harness, "the step, which pauses", |frame| !frame.playback.playing);
+    harness.run_steps(5);
+    look_back(&mut harness);
+    assert_eq!(frame(&harness).unwrap().runs.all.len(), 1, "a step back");
+
+    // Nor does playing the past with the key still held. Pressed again, it drives from there.
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "time to run", |frame| frame.playback.playing && frame.time_s() > 0.5);
+    assert_eq!(frame(&harness).unwrap().runs.all.len(), 1, "the past plays");
+    harness.key_up(Key::W);
+    harness.run_steps(3);
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
+    assert!(frame(&harness).unwrap().runs.all[1].branched_from.unwrap().1 < end);
+
+    wait_until(&mut harness, "a second of it", |frame| frame.runs.is_at_end && frame.time_s() > 1.5);
+    harness.key_press(Key::Home);
+    wait_until(&mut harness, "the past", |frame| frame.time_s() < 1.0);
+    harness.run_steps(5);
+    harness.key_up(Key::W);
+    harness.run_steps(5);
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    look_back(&mut harness);
+    assert_eq!(frame(&harness).unwrap().runs.all.len(), 2, "a jump back while it plays");
+}
+
+#[test]
+fn a_condition_that_stops_while_a_drive_key_is_held_shows_the_run_that_was_driven() {
+    let dir = tempfile::tempdir().unwrap();
+    let state = r#"{ "conditions": [{ "formula": "/operator/teleop.speed_mps > 0.5", "stops": true }] }"#;
+    let view = format!("View(kind: \"conditions\", state: {state})");
+    let text = format!("Layout(version: 1, name: \"stop\", buffers: false, root: Row([(1.0, {view})]))");
+    let layout = Some(Layout::parse("stop.ron", &text).unwrap());
+    let request = common::window::stack(dir.path());
+    let mut harness = open(Options { request, layout, ..Options::default() });
+    wait_until(&mut harness, "time to run", |frame| frame.playback.playing && frame.time_s() > 0.2);
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "the stop", |frame| !frame.playback.playing);
+    harness.run_steps(5);
+    harness.key_up(Key::W);
+    harness.run_steps(5);
+    look_back(&mut harness);
+    assert_eq!(frame(&harness).unwrap().runs.all.len(), 1);
+}
+
+#[test]
 fn a_release_starts_no_motion_while_a_key_is_held() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = running(dir.path());
@@ -157,6 +212,39 @@ fn keys_drive_nothing_while_a_text_is_typed_or_time_stands() {
         harness.step();
     }
     assert_eq!(command(&frame(&harness).unwrap()), None);
+}
+
+#[test]
+fn a_key_that_is_still_down_when_a_text_or_a_modifier_is_left_drives_only_after_it_was_let_go() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.get_by_label("Buffers").click();
+    harness.step();
+    harness.get_by_label("Search buffers").focus();
+    harness.run_steps(2);
+    harness.key_down(Key::D);
+    harness.run_steps(2);
+    harness.key_press(Key::Enter);
+    harness.run_steps(2);
+    assert!(!harness.get_by_label("Search buffers").accesskit_node().is_focused());
+    let left_s = frame(&harness).unwrap().time_s();
+    wait_until(&mut harness, "a while", |frame| frame.time_s() > left_s + 0.5);
+    assert_eq!(command(&frame(&harness).unwrap()), None, "after a text");
+    harness.key_up(Key::D);
+
+    harness.event(egui::Event::ModifiersChanged(egui::Modifiers::COMMAND));
+    harness.key_down(Key::A);
+    harness.event(egui::Event::ModifiersChanged(egui::Modifiers::NONE));
+    harness.run_steps(2);
+    let left_s = frame(&harness).unwrap().time_s();
+    wait_until(&mut harness, "a while", |frame| frame.time_s() > left_s + 0.5);
+    assert_eq!(command(&frame(&harness).unwrap()), None, "after a modifier");
+    harness.key_up(Key::A);
+    harness.run_steps(2);
+    harness.key_down(Key::D);
+    wait_until(&mut harness, "a turn to the right", |frame| {
+        command(frame).is_some_and(|[_, turn]| turn < 0.0)
+    });
 }
 
 #[test]
@@ -378,4 +466,81 @@ fn a_run_can_be_started_again_slowed_and_gone_back_in() {
     wait_until(&mut harness, "a second back", |frame| frame.time_s() < paused_s - 0.9);
     harness.get_by_label("Start again from the beginning").click();
     wait_until(&mut harness, "a new run", |frame| frame.time_s() < 0.5 && frame.playback.playing);
+}
+
+/// A vehicle interface below a supervisor, which commands it with serials of its own.
+const SUPERVISED: &str = r#"
+format = 1
+name = "supervised"
+description = "A vehicle interface that waits for an operator, below a supervisor."
+
+[[process]]
+name = "robot"
+plugin = "supervisor"
+supervisor = "viewer"
+
+[[process]]
+name = "vehicle_interface"
+plugin = "vehicle_interface"
+supervisor = "robot"
+as = "vehicle_interface"
+inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop" }
+"#;
+
+/// The window on a stack, with nothing but its hierarchy.
+fn hierarchy_of(request: Request) -> Harness<'static, State> {
+    let text =
+        r#"Layout(version: 1, name: "own", buffers: false, root: Row([(1.0, View(kind: "hierarchy"))]))"#;
+    let layout = Some(Layout::parse("own.ron", text).unwrap());
+    open(Options { request, layout, ..Options::default() })
+}
+
+/// Opens the menu of the vehicle interface's box.
+fn open_menu(harness: &mut Harness<'_, State>) {
+    harness.get_by_label_contains("Process vehicle_interface").click_secondary();
+    harness.run_steps(6);
+}
+
+/// Waits until the vehicle interface obeys this command of this commander.
+#[track_caller]
+fn wait_until_it_obeys(harness: &mut Harness<'_, State>, command: &str, commander: &str) {
+    wait_until(harness, command, |frame| {
+        let process = frame.processes.iter().find(|process| process.name == "vehicle_interface");
+        let status = process.and_then(|process| frame.status(process));
+        status.is_some_and(|status| (&*status.command, &*status.commander) == (command, commander))
+    });
+}
+
+#[test]
+fn a_halt_from_the_menu_is_obeyed_again_after_a_release() {
+    let dir = tempfile::tempdir().unwrap();
+    let stack = dir.path().join("supervised.toml");
+    std::fs::write(&stack, SUPERVISED).unwrap();
+    let request = Request { stack: Some(stack.display().to_string()), ..Request::default() };
+    let mut harness = hierarchy_of(request);
+    for _ in 0..2 {
+        wait_until_it_obeys(&mut harness, "RUN", "robot");
+        open_menu(&mut harness);
+        harness.get_by_role_and_label(egui::accesskit::Role::Button, "HALT").click();
+        wait_until_it_obeys(&mut harness, "HALT", "operator");
+        open_menu(&mut harness);
+        harness.get_by_role_and_label(egui::accesskit::Role::Button, "RELEASE").click();
+    }
+}
+
+#[test]
+fn a_process_that_posts_no_status_any_more_is_counted_in_the_bar_at_the_top() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = hierarchy_of(common::window::stack(dir.path()));
+    // Beside other items the bar has a short form.
+    let says = |harness: &Harness<'_, State>, word: &str| {
+        ["1 of 1", "1/1"].iter().any(|count| harness.query_by_label(&format!("{count} {word}")).is_some())
+    };
+    wait_for(&mut harness, "the start", |harness| says(harness, "EXEC"));
+    open_menu(&mut harness);
+    harness.get_by_label_contains("Fault on demand").click();
+    harness.run_steps(6);
+    harness.get_by_label("Stopped").click();
+    wait_for(&mut harness, "the silence", |harness| says(harness, "NO STATUS"));
+    assert!(!says(&harness, "EXEC"));
 }

@@ -2,16 +2,16 @@
 //! one, the parameters of the chosen command with units and ranges, and below them the last command that was sent and
 //! the fields of the process's buffers, live.
 //!
-//! The last parameters of each command are kept. *Send* raises the serial; with *send on each change* a command goes out
-//! whenever a control is let go.
+//! The last parameters of each command are kept. With *send on each change* a command goes out whenever a control is let
+//! go.
 
 use crate::command;
 use crate::fields::Fields;
-use crate::process_state::state_name;
+use crate::process_state::{silent_s, state_name};
 use crate::tuning::{ParamRow, ParamRows};
 use crate::view::{SavedState, TopicKey, View, ViewContext};
 use egui::{Align, FontId, RichText, Role, ScrollArea, Sense, Ui, UiBuilder, Vec2, WidgetInfo};
-use ocu_ui::{icons, tokens, widgets};
+use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::params::{defaults, specs, with_params};
 use rcs_msg::rcs::{Command, CommandInfo, ProcessInfo};
 use rcs_msg::{AnyMessage, registry};
@@ -42,8 +42,6 @@ pub(crate) struct Details {
     drafts: BTreeMap<(String, String), AnyMessage>,
     /// The parameters that were sent last, by process and command.
     sent: BTreeMap<(String, String), AnyMessage>,
-    /// The last serial that this view sent to each process, so that several commands of one pass differ.
-    serials: BTreeMap<String, u64>,
     refused: Option<String>,
     fields: Fields,
 }
@@ -156,7 +154,8 @@ fn processes(ui: &mut Ui, cx: &mut ViewContext<'_>, chosen: &ProcessInfo) {
     ScrollArea::vertical().id_salt("processes").auto_shrink(false).show(ui, |ui| {
         for process in cx.frame.processes.iter() {
             let state = cx.frame.status(process).map_or("–", |status| state_name(status.state()));
-            if row(ui, process.name == chosen.name, &process.name, state)
+            let old = silent_s(cx.frame, process).map(|age_s| format!("NO STATUS {}", format::age(age_s)));
+            if row(ui, process.name == chosen.name, &process.name, old.as_deref().unwrap_or(state))
                 .on_hover_text(&process.summary)
                 .clicked()
             {
@@ -197,7 +196,7 @@ fn last_command(ui: &mut Ui, frame: &Frame, process: &ProcessInfo) {
                 line("refused", format!("{} {}: {}", refused.serial, refused.command, refused.reason));
             }
         }
-        line("age", topic.age_s(frame.now).map(ocu_ui::format::age).unwrap_or_default());
+        line("age", topic.age_s(frame.now).map(format::age).unwrap_or_default());
         if let Some(Ok(value)) = parameters.map(|message| message.value()) {
             for (path, value) in value.leaves() {
                 if let Some(text) = crate::edit::text_of(value) {
@@ -306,13 +305,10 @@ impl Details {
         command: &CommandInfo,
         parameters: Option<&AnyMessage>,
     ) {
-        let last = self.serials.get(&process.name).copied().unwrap_or(0);
-        let serial = command::next_serial(cx.frame, process).max(last + 1);
-        self.serials.insert(process.name.clone(), serial);
         if let Some(parameters) = parameters {
             self.sent.insert((process.name.clone(), command.name.clone()), parameters.clone());
         }
-        cx.controls.push(command::send(cx.frame, process, serial, &command.name, parameters));
+        command::send(cx, process, &command.name, parameters);
     }
 
     /// The fields of one of the process's buffers.

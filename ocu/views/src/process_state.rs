@@ -2,6 +2,7 @@
 
 use egui::Color32;
 use rcs_msg::rcs::{ProcessInfo, ProcessState};
+use rcs_runtime::source::Frame;
 
 /// The word for a state.
 pub fn state_name(state: ProcessState) -> &'static str {
@@ -30,4 +31,11 @@ pub fn status_limit_s(process: &ProcessInfo) -> f64 {
         0 => 1.2,
         period_ns => (3 * period_ns + process.latency_ns) as f64 * 1e-9 + 0.1,
     }
+}
+
+/// The age of the newest status of a process, s, where it is outdated: the process posts none any more. `None` also for a
+/// process that never posted one, and while its status at the viewed moment is being computed.
+pub fn silent_s(frame: &Frame, process: &ProcessInfo) -> Option<f64> {
+    let topic = frame.topic(&process.status_buffer).filter(|topic| !topic.pending)?;
+    topic.age_s(frame.now).filter(|age_s| *age_s > status_limit_s(process))
 }

@@ -9,6 +9,7 @@ use rcs_msg::{AnyMessage, FieldPath, Stamp};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Weak};
 
@@ -214,6 +215,8 @@ pub struct Selection {
     pub let_go_first: bool,
     /// Speeds of manual driving.
     pub drive: DriveSettings,
+    /// The serial of the last command that a view sent to each process.
+    pub serials: BTreeMap<String, u64>,
     /// The sweep that runs, or ran last; the window sets it.
     pub sweep: Arc<SweepState>,
 }

@@ -1,8 +1,8 @@
 //! Runs a source on a separate thread: paces, steps and writes it as requested by messages; views read its frames.
 //!
 //! Requests are processed in order, except emergency stops, which have priority: an emergency stop ends the current
-//! work, is written before everything that waits, and discards the seeks and steps that wait. It is recognised by its
-//! message type.
+//! work, is written before everything that waits, and discards what waits to go elsewhere: seeks, steps, undoing and
+//! other runs. It is recognised by its message type.
 
 use super::compared::Compared;
 use super::frame::{Frame, Playback, Topic};
@@ -56,9 +56,10 @@ pub enum Control {
     /// Choose the files of the recording that [`Compared::Other`] means: one, several if it was split, or none.
     Against(Vec<std::path::PathBuf>),
     /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
-    /// the control is held; otherwise the control is released.
+    /// the control is held; otherwise the control is released. When the view goes back or to another run, the control
+    /// ends: nothing is written until it has been released and is held again.
     Hold(HeldControl),
-    /// Release a held control, and write a last message.
+    /// Release a held control, and write a last message, unless the control has ended before.
     LetGo(HeldControl),
     /// Record the run to a file that does not exist yet.
     Record {
@@ -71,6 +72,13 @@ pub enum Control {
     StopRecording,
     /// Cancel long work.
     Cancel,
+}
+
+impl Control {
+    /// Whether it takes the view to another moment, other than by playing.
+    pub fn goes_elsewhere(&self) -> bool {
+        matches!(self, Self::Seek(_) | Self::Step(_) | Self::SwitchRun(_) | Self::Undo)
+    }
 }
 
 /// Time between frames while playing, unless the window can draw only fewer ([`Driver::show_every`]).
@@ -331,7 +339,8 @@ impl<W: Fn()> DriverLoop<'_, W> {
         }
     }
 
-    /// Writes the emergency stops that have been sent, then discards waiting seeks and steps.
+    /// Writes the emergency stops that have been sent, then discards what waits to go elsewhere, where they would not
+    /// hold.
     fn write_urgent(&mut self) {
         let urgent = std::mem::take(&mut *self.shared.urgent());
         if urgent.is_empty() {
@@ -343,7 +352,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
             }
         }
         self.pending.extend(self.controls.try_iter());
-        self.pending.retain(|control| !matches!(control, Control::Seek(_) | Control::Step(_)));
+        self.pending.retain(|control| !control.goes_elsewhere());
     }
 
     fn obey(&mut self, control: Control) {
@@ -378,22 +387,22 @@ impl<W: Fn()> DriverLoop<'_, W> {
             Control::Seek(to) => self.go_to(to),
             Control::Step(step) => {
                 self.playback.playing = false;
-                let moved = self.work(|source, task| source.step(&step, task).map(|_| ()));
-                self.hands.moved(self.source.now());
-                moved
+                if step.is_back() {
+                    self.hands.end();
+                }
+                self.work(|source, task| source.step(&step, task).map(|_| ()))
             }
             Control::SwitchRun(run) => {
                 let moved = self.source.switch_run(run);
                 self.playback.from = self.source.now();
                 self.restart();
-                self.hands.moved(self.source.now());
+                self.hands.end();
                 moved
             }
             Control::Undo => {
                 self.playback.playing = false;
-                let undone = self.source.undo();
-                self.hands.moved(self.source.now());
-                match undone {
+                self.hands.end();
+                match self.source.undo() {
                     Ok(false) => Err(SourceError::Unsupported(
                         "nothing was written before this moment that could be taken back".to_owned(),
                     )),
@@ -429,7 +438,9 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 return;
             }
             Control::LetGo(held) => {
-                self.hands.let_go(&held.buffer);
+                if !self.hands.let_go(&held.buffer) {
+                    return;
+                }
                 self.source.write(&held.buffer, (held.make)(self.source.now()))
             }
             Control::Record { path, build } => {
@@ -454,9 +465,12 @@ impl<W: Fn()> DriverLoop<'_, W> {
 
     fn go_to(&mut self, to: Stamp) -> Result<(), SourceError> {
         self.restart();
+        let from = self.source.now();
         let moved = self.work(|source, task| source.seek(to, task));
         self.playback.from = self.source.now();
-        self.hands.moved(self.source.now());
+        if self.source.now() < from {
+            self.hands.end();
+        }
         moved
     }
 

@@ -36,8 +36,9 @@ struct Entry {
     held: HeldControl,
     /// Time of the last renewal.
     renewed: Instant,
-    /// When the next message is due.
-    due: Stamp,
+    /// When the next message is due; `None` after the view went back or to another run: from then on nothing is written
+    /// until the control is let go.
+    due: Option<Stamp>,
 }
 
 impl HeldControls {
@@ -46,17 +47,20 @@ impl HeldControls {
         match self.0.iter_mut().find(|entry| entry.held.buffer == held.buffer) {
             Some(entry) => {
                 if !Arc::ptr_eq(&entry.held.make, &held.make) {
-                    entry.due = entry.due.min(now);
+                    entry.due = entry.due.map(|due| due.min(now));
                 }
                 (entry.held, entry.renewed) = (held, clock);
             }
-            None => self.0.push(Entry { held, renewed: clock, due: now }),
+            None => self.0.push(Entry { held, renewed: clock, due: Some(now) }),
         }
     }
 
-    /// Releases a control.
-    pub(super) fn let_go(&mut self, buffer: &str) {
-        self.0.retain(|entry| entry.held.buffer != buffer);
+    /// Releases a control. Whether it was in force until now, so that a last message is to be written.
+    pub(super) fn let_go(&mut self, buffer: &str) -> bool {
+        let is_it = |entry: &Entry| entry.held.buffer == buffer;
+        let was_in_force = self.0.iter().any(|entry| is_it(entry) && entry.due.is_some());
+        self.0.retain(|entry| !is_it(entry));
+        was_in_force
     }
 
     /// Releases the controls that have not been renewed in time.
@@ -64,23 +68,23 @@ impl HeldControls {
         self.0.retain(|entry| clock.saturating_duration_since(entry.renewed) <= HeldControl::LEASE);
     }
 
-    /// After a seek: controls are due from the new time on.
-    pub(super) fn moved(&mut self, now: Stamp) {
+    /// Where the view goes back or to another run: what is held now would begin another run there, and is not written.
+    pub(super) fn end(&mut self) {
         for entry in &mut self.0 {
-            entry.due = now;
+            entry.due = None;
         }
     }
 
     /// When the next message is due.
     pub(super) fn next_due(&self) -> Option<Stamp> {
-        self.0.iter().map(|entry| entry.due).min()
+        self.0.iter().filter_map(|entry| entry.due).min()
     }
 
     /// The messages that are due at `now`.
     pub(super) fn take_due(&mut self, now: Stamp) -> Vec<(String, AnyMessage)> {
-        let due = self.0.iter_mut().filter(|entry| entry.due <= now);
+        let due = self.0.iter_mut().filter(|entry| entry.due.is_some_and(|due| due <= now));
         due.map(|entry| {
-            entry.due = now.after_ns(entry.held.every_ns.max(1_000_000));
+            entry.due = Some(now.after_ns(entry.held.every_ns.max(1_000_000)));
             (entry.held.buffer.clone(), (entry.held.make)(now))
         })
         .collect()

@@ -82,6 +82,17 @@ pub enum Step {
     },
 }
 
+impl Step {
+    /// Whether it goes back.
+    pub(crate) fn is_back(&self) -> bool {
+        match self {
+            Self::Message { back, .. } | Self::Cycle { back, .. } => *back,
+            Self::BackTo { .. } => true,
+            Self::Time { ns } => *ns < 0,
+        }
+    }
+}
+
 /// Why a source could not fulfil a request.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {

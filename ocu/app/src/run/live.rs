@@ -40,15 +40,22 @@ pub(super) fn run(
     let saves: Vec<_> = args.save.iter().map(|save| (save, buffer(&save.buffer))).collect();
     let referee = referee.and_then(|index| buffer(&live.plan().buffers[index].spec.name));
     let mut failure = drive(&live, args, referee.as_ref(), acts).err();
-    let stopped = live.stop()?;
+    let stopped = live.stop();
+    match stopped.recording {
+        Some(Err(error)) => {
+            failure.get_or_insert(error.into());
+        }
+        Some(Ok(recording)) if recording.dropped > 0 => {
+            let dropped = recording.dropped;
+            tracing::warn!("{dropped} messages are not in the recording: the disk did not keep up");
+        }
+        _ => {}
+    }
     for (save, buffer) in saves {
         let newest = buffer.and_then(|buffer| buffer.latest());
         if let Err(error) = save_one(newest, &save.buffer, &save.path, args.force) {
             failure.get_or_insert(error);
         }
-    }
-    if let Some(recording) = stopped.recording.filter(|recording| recording.dropped > 0) {
-        tracing::warn!("{} messages are not in the recording: the disk did not keep up", recording.dropped);
     }
     for process in &stopped.hung {
         tracing::warn!("{process} hung and was left behind");

@@ -1,6 +1,6 @@
 //! What the window does on request: commands, actions of the bar at the top, files that are opened or dropped.
 
-use super::body::{Chosen, Window};
+use super::body::{Chosen, Shown, Window};
 use super::commands::Command;
 use super::focus::cancel;
 use super::leaving::{Lost, Next};
@@ -292,9 +292,13 @@ impl Window {
         }
     }
 
-    /// Called before each pass, and also while the window is hidden: where something would be lost, asks before the
-    /// window closes.
+    /// Called before each pass, and also while the window is hidden: sounds alarms, and where something would be lost,
+    /// asks before the window closes.
     pub fn logic(&mut self, ctx: &egui::Context) {
+        if let Shown::Live(driver) = &self.shown {
+            let frame = driver.frame();
+            self.alarm_sound.sound(ctx, &frame, self.known_alarms.until(&frame.runs));
+        }
         if !ctx.input(|input| input.viewport().close_requested()) {
             return;
         }

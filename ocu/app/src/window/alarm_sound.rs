@@ -25,7 +25,7 @@ const PLAYERS: [(&str, &[&str]); 3] = [
 ];
 
 /// The sound of alarms.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct AlarmSound {
     /// Whether the user has switched it off.
     is_off: bool,
@@ -35,6 +35,14 @@ pub(super) struct AlarmSound {
     heard: Option<(Stamp, Instant)>,
     /// Whether no player could be started.
     is_mute: Arc<AtomicBool>,
+    /// Plays the tones, and says whether no player could be started; tests replace it.
+    play: fn(Arc<AtomicBool>),
+}
+
+impl Default for AlarmSound {
+    fn default() -> Self {
+        Self { is_off: false, silenced: KnownAlarms::default(), heard: None, is_mute: Arc::default(), play }
+    }
 }
 
 impl AlarmSound {
@@ -72,7 +80,7 @@ impl AlarmSound {
             return;
         }
         if self.is_due(newest, Instant::now()) {
-            play(Arc::clone(&self.is_mute));
+            (self.play)(Arc::clone(&self.is_mute));
         }
         ctx.request_repaint_after(AGAIN);
     }
@@ -136,7 +144,71 @@ fn tones() -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::body::{Options, Shown, Window};
     use super::*;
+    use rcs_msg::AnyMessage;
+    use rcs_runtime::source::{
+        Control, Driver, Event, EventKind, EventLevel, Events, RunTag, Runs, Source, SourceError, SourceInfo,
+        Step, Task,
+    };
+    use std::sync::atomic::AtomicUsize;
+
+    /// A run at this time, with an alarm 10 ns after its start.
+    struct Failing(Stamp);
+
+    impl Source for Failing {
+        fn info(&self) -> Arc<SourceInfo> {
+            Arc::new(SourceInfo { kind: SourceKind::Stack, ..SourceInfo::default() })
+        }
+
+        fn now(&self) -> Stamp {
+            self.0
+        }
+
+        fn frame(&mut self) -> Frame {
+            let (kind, level) = (EventKind::Error, EventLevel::Error);
+            let alarm =
+                Event { stamp: Stamp(10), kind, level, source: "process".into(), text: "fails".into() };
+            let events = Arc::new([Events::of(RunTag::FIRST, [alarm])]);
+            let runs = Runs { is_at_end: true, ..Runs::default() };
+            Frame { events, runs, ..Frame::empty(self.info(), self.now()) }
+        }
+
+        fn seek(&mut self, to: Stamp, _task: &Task) -> Result<(), SourceError> {
+            self.0 = to;
+            Ok(())
+        }
+
+        fn step(&mut self, _step: &Step, _task: &Task) -> Result<bool, SourceError> {
+            Ok(false)
+        }
+
+        fn write(&mut self, _buffer: &str, _message: AnyMessage) -> Result<(), SourceError> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_alarm_is_heard_while_the_window_is_hidden_and_nothing_is_painted() {
+        static SOUNDS: AtomicUsize = AtomicUsize::new(0);
+        let ctx = egui::Context::default();
+        ocu_ui::install(&ctx);
+        let mut window = Window::new(&ctx, Options::default());
+        window.alarm_sound.play = |_| {
+            SOUNDS.fetch_add(1, Ordering::Relaxed);
+        };
+        let driver = Driver::spawn(Box::new(Failing(Stamp(20))), || {}).unwrap();
+        driver.send(Control::Play);
+        window.shown = Shown::Live(driver);
+        let start = Instant::now();
+        while SOUNDS.load(Ordering::Relaxed) == 0 {
+            assert!(start.elapsed() < Duration::from_mins(1), "no sound");
+            window.logic(&ctx);
+            std::thread::yield_now();
+        }
+        window.logic(&ctx);
+        assert_eq!(SOUNDS.load(Ordering::Relaxed), 1, "again only after some seconds");
+    }
 
     #[test]
     fn a_new_alarm_is_heard_at_once_and_an_old_one_again_after_a_while() {

@@ -322,7 +322,6 @@ impl Window {
         if let Some(frame) = live {
             self.tell_branch(frame);
             self.told.tell(frame, &mut self.notices);
-            self.alarm_sound.sound(ui.ctx(), frame, self.known_alarms.until(&frame.runs));
         }
         let middle = match &frame {
             Some(frame) => self.source_ui(ui, frame, bar, &mut controls),

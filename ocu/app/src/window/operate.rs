@@ -15,6 +15,8 @@ const RENEW: Duration = Duration::from_millis(100);
 const RESEND: Duration = Duration::from_millis(500);
 /// After this time, a missing confirmation is shown as an alarm.
 const LATE: Duration = Duration::from_secs(1);
+/// The keys that drive.
+const DRIVE_KEYS: [Key; 4] = [Key::W, Key::A, Key::S, Key::D];
 
 /// State of the emergency stop, from the user's request and the vehicle's status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -110,10 +112,13 @@ pub(super) struct Operating {
     held: Option<([f64; 2], HeldControl)>,
     asked: Option<Asked>,
     joystick: Joystick,
-    /// Whether the controls must be neutral before they drive: after a stop, a pause, and at the start.
+    /// Whether the controls must be neutral before they drive: after a stop, a pause and a jump in time, and at the
+    /// start.
     wait_for_neutral: bool,
     /// Whether a control was deflected in the last pass.
     pushed: bool,
+    /// Whether a drive key was typed, as a text or with a modifier, and not all of them have been let go since.
+    has_typed: bool,
 }
 
 impl Operating {
@@ -140,7 +145,12 @@ impl Operating {
             return Hand::default();
         }
         self.joystick.start(ui.ctx());
-        keys(ui).with(self.joystick.hand())
+        let types = types(ui);
+        let is_key_down = ui.input(|input| DRIVE_KEYS.iter().any(|&key| input.key_down(key)));
+        // A key that is still down when the text or the modifier is left must not start motion.
+        self.has_typed = is_key_down && (types || self.has_typed);
+        let keys = if types || self.has_typed { Hand::default() } else { keys(ui) };
+        keys.with(self.joystick.hand())
     }
 
     /// Requests an emergency stop, or its release.
@@ -184,8 +194,10 @@ impl Operating {
         let may_drive =
             frame.playback.playing && matches!(self.stop_state(frame), StopState::None | StopState::Clear);
         self.pushed = selection.hand.pushes();
-        // Releasing a stop, or letting time run, must not start motion because a control is still deflected.
-        self.wait_for_neutral = !may_drive || (self.wait_for_neutral && self.pushed);
+        // Releasing a stop, or letting time run, must not start motion because a control is still deflected; nor must
+        // looking back, which would begin another run.
+        let goes_elsewhere = controls.iter().any(Control::goes_elsewhere);
+        self.wait_for_neutral = !may_drive || goes_elsewhere || (self.wait_for_neutral && self.pushed);
         let teleop = inputs.teleop.filter(|_| self.pushed && !self.wait_for_neutral);
         let Some(teleop) = teleop else {
             if let Some((_, held)) = self.held.take() {
@@ -253,15 +265,14 @@ fn send(frame: &Frame, active: bool, controls: &mut Vec<Control>) {
     }
 }
 
-/// The deflection from held keys; none while text is typed. Arrow keys never drive: they step.
+/// Whether keys are typed, as a text or as a command.
+fn types(ui: &egui::Ui) -> bool {
+    ui.ctx().text_edit_focused() || ui.input(|input| input.modifiers.command || input.modifiers.alt)
+}
+
+/// The deflection from held keys. Arrow keys never drive: they step.
 fn keys(ui: &egui::Ui) -> Hand {
-    if ui.ctx().text_edit_focused() {
-        return Hand::default();
-    }
     ui.input(|input| {
-        if input.modifiers.command || input.modifiers.alt {
-            return Hand::default();
-        }
         let axis = |plus: Key, minus: Key| {
             f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)))
         };

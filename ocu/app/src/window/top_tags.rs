@@ -4,6 +4,7 @@ use super::commands::{Command, entry_of};
 use super::top_state::{Actions, State, TopBarAction};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
+use ocu_views::process_state::silent_s;
 use rcs_msg::rcs::ProcessState;
 use rcs_runtime::source::{Frame, SourceKind, Topic};
 
@@ -64,6 +65,7 @@ pub(super) fn authority(ui: &mut egui::Ui, form: Form, frame: &Frame) {
     let owners: Vec<&str> = frame
         .processes
         .iter()
+        .filter(|process| silent_s(frame, process).is_none())
         .filter_map(|process| frame.status(process))
         .map(|status| status.owner.as_str())
         .filter(|owner| !owner.is_empty())
@@ -145,11 +147,15 @@ pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
         .iter()
         .map(|process| frame.status(process).map(rcs_msg::rcs::Status::state))
         .collect();
+    let silent: Vec<Option<f64>> = frame.processes.iter().map(|process| silent_s(frame, process)).collect();
     let count = |state: ProcessState| states.iter().filter(|&&known| known == Some(state)).count();
     let all = states.len();
     let (errors, done) = (count(ProcessState::Error), count(ProcessState::Done));
+    let silent_count = silent.iter().flatten().count();
     let (text, color) = if errors > 0 {
         (format!("{errors} of {all} ERROR"), tokens.error)
+    } else if silent_count > 0 {
+        (format!("{silent_count} of {all} NO STATUS"), tokens.warning)
     } else if states.iter().any(Option::is_none) {
         ("NOT STARTED".to_owned(), tokens.unknown)
     } else if done == all {
@@ -164,9 +170,11 @@ pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
     let names: Vec<String> = frame
         .processes
         .iter()
-        .zip(&states)
-        .map(|(process, state)| {
-            format!("{}: {}", process.name, state.map_or("no status yet", |state| state.as_str_name()))
+        .zip(states.iter().zip(&silent))
+        .map(|(process, (state, silent))| {
+            let state = state.map_or("no status yet", |state| state.as_str_name());
+            let old = silent.map(|age_s| format!(", no status for {}", format::age(age_s)));
+            format!("{}: {state}{}", process.name, old.unwrap_or_default())
         })
         .collect();
     widgets::tag(ui, &text, color).on_hover_text(names.join("\n"));

@@ -340,8 +340,7 @@ fn commands(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo) {
             cx.wishes
                 .push(Wish::Command { process: process.name.as_str().into(), command: info.name.clone() });
         } else {
-            let serial = command::next_serial(cx.frame, process);
-            cx.controls.push(command::send(cx.frame, process, serial, &info.name, None));
+            command::send(cx, process, &info.name, None);
         }
         ui.close();
     }

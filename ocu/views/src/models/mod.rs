@@ -135,7 +135,7 @@ impl View for Models {
             };
             let deleted = cards::show(ui, &shown);
             if let (Some(index), Ok(deletes)) = (deleted, deletes) {
-                cx.controls.push(deletes.control(cx.frame, index, content.models.name_of(index)));
+                deletes.send(cx, index, content.models.name_of(index));
                 self.leaving = Some((content.message.clone(), index));
             }
         });
@@ -251,12 +251,11 @@ impl<'a> Deletes<'a> {
         Ok(Self { process, output, command })
     }
 
-    fn control(&self, frame: &Frame, index: usize, name: &str) -> Control {
+    fn send(&self, cx: &mut ViewContext<'_>, index: usize, name: &str) {
         let number = u32::try_from(index).unwrap_or(u32::MAX);
         let message =
             AnyMessage::new(ModelToDelete { output: self.output.to_owned(), number, name: name.to_owned() });
-        let serial = command::next_serial(frame, self.process);
-        command::send(frame, self.process, serial, &self.command.name, Some(&message))
+        command::send(cx, self.process, &self.command.name, Some(&message));
     }
 }
 

@@ -9,6 +9,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use rcs_msg::rcs::{CommandInfo, SpeedLimit};
 use rcs_msg::{AnyMessage, schema_of};
+use rcs_runtime::source::Control;
 
 /// A number with more decimals than are shown.
 const FINE: f64 = 0.003_906_25;
@@ -34,6 +35,32 @@ fn shown(kind: &str, saved: &serde_json::Value, max_speed_mps: f64) -> Harness<'
 fn press(harness: &mut Harness<'_, Shown>, key: Key) {
     harness.key_press(key);
     harness.run();
+}
+
+/// Another message of the parameter is in force.
+fn take(harness: &mut Harness<'_, Shown>, max_speed_mps: f64) {
+    let limit = samples::topic("/vehicle_interface/params", 0.0, 0.1, SpeedLimit { max_speed_mps });
+    let frame = &mut harness.state_mut().frame;
+    let others = frame.topics.iter().filter(|topic| topic.name != limit.name).cloned();
+    frame.topics = others.chain([limit.clone()]).collect();
+    harness.run();
+}
+
+/// The parameters that were sent.
+fn sent(harness: &Harness<'_, Shown>) -> Vec<f64> {
+    let speed = |control: &Control| match control {
+        Control::Write { message, .. } => message.to::<SpeedLimit>().unwrap().max_speed_mps,
+        other => panic!("{other:?}"),
+    };
+    harness.state().controls.iter().map(speed).collect()
+}
+
+/// Types another number of the parameter.
+fn type_speed(harness: &mut Harness<'_, Shown>, text: &str) {
+    go_to_number(harness);
+    harness.event(Event::Text(text.to_owned()));
+    harness.run();
+    press(harness, Key::Tab);
 }
 
 /// Goes to the number beside the slider of the parameter.
@@ -62,6 +89,35 @@ fn a_number_is_typed_with_all_its_decimals() {
     press(&mut harness, Key::Tab);
     let preview = harness.state().selection.preview.get().cloned().unwrap();
     assert_eq!(preview.params.to::<SpeedLimit>().unwrap().max_speed_mps, FINE);
+}
+
+#[test]
+fn undo_takes_back_what_was_sent_and_keeps_what_was_not() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    type_speed(&mut harness, "2");
+    harness.get_by_label_contains("Send 1").click();
+    harness.run();
+    take(&mut harness, 2.0);
+    type_speed(&mut harness, "1.5");
+    harness.get_by_label_contains("Undo").click();
+    harness.run();
+    assert_eq!(sent(&harness), [2.0, 1.0]);
+    take(&mut harness, 1.0);
+    let preview = harness.state().selection.preview.get().cloned().unwrap();
+    assert_eq!(preview.params.to::<SpeedLimit>().unwrap().max_speed_mps, 1.5);
+}
+
+#[test]
+fn undo_takes_back_no_parameters_that_others_have_sent_since() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    type_speed(&mut harness, "2");
+    harness.get_by_label_contains("Send 1").click();
+    harness.run();
+    take(&mut harness, 3.0);
+    harness.get_by_label_contains("Undo").click();
+    harness.run();
+    assert_eq!(sent(&harness), [2.0]);
+    assert!(harness.query_by_label_contains("nothing to undo").is_some());
 }
 
 #[test]

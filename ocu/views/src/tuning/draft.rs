@@ -1,4 +1,4 @@
-//! Edited parameters of one process: the changes that were not sent, what they replaced, and the kept sets A and B.
+//! Edited parameters of one process: the changes that were not sent, what was sent, and the kept sets A and B.
 
 use rcs_msg::params::{ParamSpec, specs, with_params};
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value, rcs};
@@ -10,6 +10,13 @@ const MOST: usize = 50;
 /// takes them in its next cycle.
 const DUE_NS: u64 = 3_000_000_000;
 
+/// A message that was sent.
+struct Sent {
+    /// The parameters that it replaced.
+    before: AnyMessage,
+    written: AnyMessage,
+}
+
 /// The edited parameters of a process.
 #[derive(Default)]
 pub(super) struct Draft {
@@ -17,8 +24,8 @@ pub(super) struct Draft {
     changes: BTreeMap<String, String>,
     /// The parameters with the changes, and those that they change.
     made: Option<(AnyMessage, AnyMessage)>,
-    /// The parameters that were replaced, oldest first.
-    replaced: Vec<AnyMessage>,
+    /// The messages that can be taken back, oldest first.
+    sent: Vec<Sent>,
     kept: [Option<AnyMessage>; 2],
     /// Why the last change was refused.
     refused: Option<String>,
@@ -109,21 +116,28 @@ impl Draft {
         (self.sent_at, self.fault) = (None, None);
     }
 
-    /// Something is sent that replaces `in_force`.
-    pub(super) fn sent(&mut self, in_force: &AnyMessage) {
-        self.replaced.push(in_force.clone());
-        let surplus = self.replaced.len().saturating_sub(MOST);
-        self.replaced.drain(..surplus);
+    /// `written` is sent, and replaces `before`.
+    pub(super) fn sent(&mut self, before: &AnyMessage, written: &AnyMessage) {
+        self.refused = None;
+        self.sent.push(Sent { before: before.clone(), written: written.clone() });
+        let surplus = self.sent.len().saturating_sub(MOST);
+        self.sent.drain(..surplus);
     }
 
     pub(super) fn can_undo(&self) -> bool {
-        !self.replaced.is_empty()
+        !self.sent.is_empty()
     }
 
-    /// The parameters that the last message replaced.
-    pub(super) fn undo(&mut self) -> Option<AnyMessage> {
-        self.discard();
-        self.replaced.pop()
+    /// The parameters that the last message replaced. If others have replaced it since, they stay, and the reason is
+    /// shown.
+    pub(super) fn undo(&mut self, in_force: &AnyMessage) -> Option<AnyMessage> {
+        let Sent { before, written } = self.sent.pop()?;
+        if in_force.same(&written) || in_force.bytes() == written.bytes() {
+            self.refused = None;
+            return Some(before);
+        }
+        self.refused = Some("the parameters were replaced since they were sent: nothing to undo".to_owned());
+        None
     }
 
     pub(super) fn kept(&self, slot: usize) -> Option<&AnyMessage> {
@@ -202,7 +216,7 @@ mod tests {
         draft.take_fault(at(11), &status(3, "refused"));
         draft.take_fault(at(70), &status(4, "late"));
         assert_eq!(draft.fault(), Some("refused"));
-        draft.undo();
+        draft.discard();
         assert_eq!(draft.fault(), None);
         draft.await_fault(at(80), 4);
         draft.take_fault(at(81), &status(4, "late"));

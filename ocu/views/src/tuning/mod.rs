@@ -190,7 +190,7 @@ pub(crate) fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMess
 
 fn send(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, in_force: &AnyMessage) {
     let message = draft.message(in_force);
-    draft.sent(in_force);
+    draft.sent(in_force, &message);
     write(cx, info, draft, message);
 }
 
@@ -233,7 +233,7 @@ fn actions(
         let undo =
             ui.add_enabled(can_undo, egui::Button::new(format!("{}  Undo", icons::ICON_UNDO.codepoint)));
         if undo.on_hover_text("Send the parameters from before the last change").clicked()
-            && let Some(before) = draft.undo()
+            && let Some(before) = draft.undo(in_force)
         {
             write(cx, info, draft, before);
         }
@@ -256,7 +256,7 @@ fn actions(
                     None => draft.keep(slot, draft.message(in_force)),
                     Some(kept) if !is_on => {
                         draft.discard();
-                        draft.sent(in_force);
+                        draft.sent(in_force, &kept);
                         write(cx, info, draft, kept);
                     }
                     Some(_) => {}
