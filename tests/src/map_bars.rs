@@ -23,74 +23,137 @@ fn drive(course: &str, seconds: f64) -> Report {
     simulated("learning", course, 3, seconds, &[])
 }
 
-/// Refuses a map that is worse than stereo alone in both shares, or of which a source is not judged.
-fn check_against_sources(course: &str, report: &Report) {
-    for length_m in [3.0, 5.0] {
-        for source in ["stereo", "terrain", "color", "classifier", "bumper", "infrared"] {
-            assert!(
-                report.shares(source, length_m).is_some(),
-                "{course}: {source} at {length_m} m: {report}"
-            );
+/// Courses on which many things are in the way (docs/perception.md: nine or more in 45 s).
+const CLUTTERED: [&str; 8] = [
+    "corridor",
+    "corridor_2",
+    "dead_end",
+    "dead_end_2",
+    "meadow",
+    "meadow_2",
+    "wrong_branches",
+    "wrong_branches_2",
+];
+/// Distance at which a thing must block the way, m.
+const IN_TIME_M: f64 = 2.0;
+
+/// What drives met in all, and the rules that they broke. A drive that meets nothing keeps every rule.
+#[derive(Default)]
+struct Judged {
+    /// Number of truly blocked arcs of 3 m.
+    blocked: u64,
+    /// Number of things that could have been late: they were in the way from at least 2 m to less than that.
+    passed: usize,
+    /// The broken rules with course and report.
+    broken: Vec<String>,
+}
+
+impl Judged {
+    fn require(&mut self, course: &str, report: &Report, holds: bool, rule: &str) {
+        if !holds {
+            self.broken.push(format!("{course} breaks the rule: {rule}\n{report}"));
         }
-        let of = |layer: &str| report.shares(layer, length_m).unwrap();
-        let (fused, stereo) = (of(FUSED), of("stereo"));
-        let free = fused.free_called_blocked_pct > stereo.free_called_blocked_pct;
-        let blocked = fused.blocked_called_free_pct > stereo.blocked_called_free_pct;
-        assert!(!(free && blocked), "{course} at {length_m} m: {report}");
+    }
+
+    /// Judges a drive by the greatest shares of free arcs called blocked and of blocked ones called free, percent, and
+    /// by what is late.
+    fn take(&mut self, course: &str, report: &Report, [free_pct, blocked_pct]: [f64; 2]) {
+        let (arcs, fused) = (report.arcs[0], report.shares(FUSED, 3.0).unwrap());
+        let free_is_right = fused.free_called_blocked_pct.is_some_and(|pct| pct <= free_pct);
+        let blocked_is_right =
+            fused.blocked_called_free_pct.map_or(arcs.blocked == 0, |pct| pct <= blocked_pct);
+        self.require(course, report, arcs.free > 100, "more than 100 arcs of 3 m are free");
+        let rule = format!("at most {free_pct} % of the free arcs are called blocked");
+        self.require(course, report, free_is_right, &rule);
+        let rule = format!("at most {blocked_pct} % of the blocked arcs are called free");
+        self.require(course, report, blocked_is_right, &rule);
+        let is_in_time = report.layers[0].name == FUSED && report.layers[0].late_things == 0;
+        self.require(course, report, is_in_time, "no thing is late");
+        self.blocked += arcs.blocked;
+        let is_passed = |[far, near]: [f64; 2]| far >= IN_TIME_M && near < IN_TIME_M;
+        self.passed += report.things.iter().filter(|thing| is_passed(thing.in_the_way_m)).count();
+    }
+
+    /// Judges whether the map is worse than stereo alone, in both shares or, at 3 m, in one by more than `points` of
+    /// percent; and whether each source is judged.
+    fn take_against_sources(&mut self, course: &str, report: &Report, points: f64) {
+        for length_m in [3.0, 5.0] {
+            for source in ["stereo", "terrain", "color", "classifier", "bumper", "infrared"] {
+                let is_judged = report.shares(source, length_m).is_some();
+                self.require(course, report, is_judged, &format!("{source} is judged at {length_m} m"));
+            }
+            let of = |layer: &str| report.shares(layer, length_m).unwrap();
+            let (fused, stereo) = (of(FUSED), of("stereo"));
+            // Where no arc is truly so, both are `None`.
+            let more = |fused: Option<f64>, stereo: Option<f64>| match (fused, stereo) {
+                (Some(fused), Some(stereo)) => fused - stereo,
+                (None, None) => 0.0,
+                _ => f64::INFINITY,
+            };
+            let free = more(fused.free_called_blocked_pct, stereo.free_called_blocked_pct);
+            let blocked = more(fused.blocked_called_free_pct, stereo.blocked_called_free_pct);
+            let rule = format!("it is not worse than stereo in both shares at {length_m} m");
+            self.require(course, report, free <= 0.0 || blocked <= 0.0, &rule);
+            let rule = format!("it is in no share of 3 m worse than stereo by more than {points} points");
+            self.require(course, report, length_m > 3.0 || free.max(blocked) <= points, &rule);
+        }
+    }
+
+    /// Fails if a rule was broken, or if the drives met too little to judge by.
+    fn check(&self, least_blocked: u64, least_passed: usize) {
+        assert!(self.broken.is_empty(), "{}", self.broken.join("\n"));
+        assert!(
+            self.blocked >= least_blocked && self.passed >= least_passed,
+            "{} blocked arcs of 3 m and {} things were met, expected {least_blocked} and {least_passed}",
+            self.blocked,
+            self.passed
+        );
     }
 }
 
-/// Where nothing gives way, the bars hold.
-fn check_firm(second: bool) {
-    for course in courses(false, second) {
-        let report = drive(&course, 12.0);
-        let fused = report.shares(FUSED, 3.0).unwrap();
-        assert!(report.arcs[0].free > 100, "{course}: {report}");
-        assert!(fused.free_called_blocked_pct.unwrap() <= 5.0, "{course}: {report}");
-        assert!(fused.blocked_called_free_pct.is_none_or(|pct| pct <= 2.0), "{course}: {report}");
-        assert_eq!(report.layers[0].late_things, 0, "{course}: {report}");
-        check_against_sources(&course, &report);
+/// Judges the drives on the courses with or without growth. Where nothing gives way, 5 % of the free arcs may be called
+/// blocked, in growth half of them.
+fn judge(growth: bool, second: bool) -> Judged {
+    let (seconds, free_pct) = if growth { (20.0, 50.0) } else { (12.0, 5.0) };
+    let mut judged = Judged::default();
+    for course in courses(growth, second) {
+        let report = drive(&course, seconds);
+        judged.take(&course, &report, [free_pct, 2.0]);
+        judged.take_against_sources(&course, &report, 0.5);
+        let meets_things = !report.things.is_empty() || !CLUTTERED.contains(&&*course);
+        judged.require(&course, &report, meets_things, "something is in the way");
     }
+    judged
 }
 
-fn check_growth(second: bool) {
-    for course in courses(true, second) {
-        let report = drive(&course, 20.0);
-        let fused = report.shares(FUSED, 3.0).unwrap();
-        assert!(fused.blocked_called_free_pct.is_none_or(|pct| pct <= 2.0), "{course}: {report}");
-        assert_eq!(report.layers[0].late_things, 0, "{course}: {report}");
-        check_against_sources(&course, &report);
-    }
-}
+// The least numbers of blocked arcs are a tenth of those of 45 s in docs/perception.md.
 
 #[test]
 fn on_firm_ground_the_map_calls_arcs_what_they_are_and_blocks_the_way_to_each_thing_in_time() {
-    check_firm(false);
+    judge(false, false).check(100, 3);
 }
 
 #[test]
 fn on_firm_ground_in_another_look_the_map_calls_arcs_what_they_are() {
-    check_firm(true);
+    judge(false, true).check(30, 3);
 }
 
 #[test]
 fn in_tall_growth_the_map_misses_nothing_and_is_not_worse_than_stereo_alone() {
-    check_growth(false);
+    judge(true, false).check(3, 1);
 }
 
 #[test]
 fn in_tall_growth_in_another_look_the_map_misses_nothing() {
-    check_growth(true);
+    judge(true, true).check(4, 1);
 }
 
 /// Boulders of 15 to 30 cm cover few rows of an image. The bar of 2 % does not hold for them (docs/perception.md).
 #[test]
 fn low_boulders_block_the_way_to_them_in_time() {
     let report = drive("low_boulders", 20.0);
-    let fused = report.shares(FUSED, 3.0).unwrap();
-    assert!(report.arcs[0].blocked > 20, "{report}");
-    assert!(fused.free_called_blocked_pct.unwrap() <= 5.0, "{report}");
-    assert!(fused.blocked_called_free_pct.unwrap() <= 5.0, "{report}");
-    assert_eq!(report.layers[0].late_things, 0, "{report}");
-    check_against_sources("low_boulders", &report);
+    let mut judged = Judged::default();
+    judged.take("low_boulders", &report, [5.0, 5.0]);
+    judged.take_against_sources("low_boulders", &report, 5.0);
+    judged.check(21, 1);
 }

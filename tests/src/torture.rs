@@ -285,6 +285,8 @@ struct Figures {
     /// Number of messages of intact records that were not found, and of mutants concerned.
     missed: usize,
     missed_in: usize,
+    /// Number of messages of the originals, and of those that were read from their mutants.
+    whole: usize,
     found: usize,
     slowest: Duration,
     failures: Vec<String>,
@@ -306,6 +308,7 @@ fn judge(original: &Original, number: usize, figures: &Mutex<Figures>) {
     });
     let took = began.elapsed();
     let mut figures = figures.lock().unwrap_or_else(PoisonError::into_inner);
+    figures.whole += original.total;
     figures.slowest = figures.slowest.max(took);
     let (log, found) = match read {
         Ok(Some(read)) => read,
@@ -362,11 +365,11 @@ fn torture(count: usize) {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or_default();
     let peak = peak.split_whitespace().next().and_then(|kb| kb.parse::<u64>().ok()).unwrap_or(0) * 1024;
-    let Figures { said, silent, missed, missed_in, found, slowest, failures } = figures;
+    let Figures { said, silent, missed, missed_in, whole, found, slowest, failures } = figures;
     eprintln!(
         "{count} mutants of {} recordings: damage said of {said}, {} panics or hangs, {} silent losses, {missed} messages of \
-         intact records not found in {missed_in} mutants (said), {found} messages read, slowest {slowest:.2?}, \
-         {} MB at most",
+         intact records not found in {missed_in} mutants (said), {found} of {whole} messages read, \
+         slowest {slowest:.2?}, {} MB at most",
         originals.len(),
         failures.len(),
         silent.len(),
@@ -375,6 +378,9 @@ fn torture(count: usize) {
     let list = |lines: &[String]| lines.iter().take(20).cloned().collect::<Vec<_>>().join("\n");
     assert!(failures.is_empty(), "{}", list(&failures));
     assert!(silent.is_empty(), "{}", list(&silent));
+    assert!(missed_in * 100 <= count, "messages of intact records are not found in {missed_in} of {count}");
+    // A mutant is damaged in one place, and most messages are in recordings of at least eight chunks.
+    assert!(found * 4 >= whole * 3, "{found} of {whole} messages read");
     assert!(peak < MOST_BYTES, "{peak} bytes");
 }
 

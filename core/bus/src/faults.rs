@@ -75,7 +75,7 @@ impl Loss {
     }
 }
 
-/// A random number for a seed and a counter (`SplitMix64`, Steele et al. 2014).
+/// A random number for a seed and a counter (`SplitMix64`, Steele 2014).
 fn mixed(seed: u64, counter: u64) -> u64 {
     let mut z = seed.wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

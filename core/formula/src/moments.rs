@@ -1,4 +1,4 @@
-//! Statistics of consecutive points, which join without loss of precision (Chan et al. 1983).
+//! Statistics of consecutive points, which join without loss of precision (Chan 1983).
 
 use rcs_msg::Stamp;
 

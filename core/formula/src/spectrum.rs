@@ -73,7 +73,7 @@ fn even_samples(points: &Points) -> (f64, Vec<f64>) {
     (step_ns * 1e-9, (0..count).map(at).collect())
 }
 
-/// The discrete Fourier transform of real samples, whose number is a power of two (Cooley and Tukey 1965).
+/// The discrete Fourier transform of real samples, whose number is a power of two (Cooley 1965).
 fn transform(samples: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
     let length = samples.len();
     let bits = length.trailing_zeros();

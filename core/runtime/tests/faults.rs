@@ -307,6 +307,10 @@ fn going_back_and_forward_through_faults_shows_the_same_and_computes_the_same_ag
         source.seek(seconds(*at), &task).unwrap();
         finish_idle(source);
         let now = content(&source.frame());
+        let names = |content: &[(String, u64, Option<Vec<u8>>)]| -> Vec<String> {
+            content.iter().map(|topic| topic.0.clone()).collect()
+        };
+        assert_eq!(names(&now), names(before), "at {at} s");
         // The operator wrote at that time, after it was first seen.
         for (now, before) in now.iter().zip(before).filter(|(now, _)| !now.0.starts_with("/runtime")) {
             assert_eq!(now, before, "at {at} s");

@@ -187,7 +187,7 @@ fn a_recording_cut_anywhere_is_repeated_as_far_as_it_goes_and_never_panics() {
     record(&path, RecordWhat::All);
     let bytes = std::fs::read(&path).unwrap();
     let cut = folder.path().join("cut.mcap");
-    let (mut refused, mut repeated) = (0, 0);
+    let (mut refused, mut repeated, mut last_end) = (0, 0, Stamp(0));
     for part in 0..60 {
         let length = bytes.len() * part / 60;
         std::fs::write(&cut, &bytes[..length]).unwrap();
@@ -202,15 +202,21 @@ fn a_recording_cut_anywhere_is_repeated_as_far_as_it_goes_and_never_panics() {
             }
             Ok(recorded) => {
                 assert!(!recorded.problems().is_empty(), "cut at {length} of {}", bytes.len());
+                let end = recorded.end();
+                assert!(end >= last_end, "cut at {length} of {}: {end:?} after {last_end:?}", bytes.len());
+                last_end = end;
                 let plan = recorded.plan(PLUGINS).unwrap();
                 let run = recorded.stepped(&plan, None, hashing()).unwrap();
                 let mut replay = Replay::new(recorded, run).unwrap();
                 replay.run_until(rcs_msg::Stamp::MAX).unwrap();
                 assert_eq!(replay.first(), None, "cut at {length} of {}", bytes.len());
+                // Every recorded time is that of an event of the run.
+                assert_eq!(replay.run().now(), end, "cut at {length} of {}", bytes.len());
                 repeated += 1;
             }
         }
     }
+    assert!(last_end > seconds(1.0), "of 2 s, the longest part has those up to {last_end:?}");
     assert!(refused > 0 && repeated > 10, "{refused} refused, {repeated} repeated");
 }
 

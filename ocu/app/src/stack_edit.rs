@@ -262,6 +262,7 @@ fn plain(value: &Value) -> Toml {
 mod tests {
     use super::*;
     use rcs_msg::params;
+    use rcs_runtime::ProcessPlan;
 
     fn text(stack: &str) -> &'static str {
         bundled::file("stack", stack).unwrap().text
@@ -329,24 +330,43 @@ mod tests {
             let plan = Plan::with(stack, rcs_plugins::all(), &options).unwrap();
             for process in &plan.processes {
                 let schema = process.params.schema();
-                let specs = specs(schema.descriptor().unwrap());
-                let Some(spec) = specs.iter().find(|spec| spec.kind == ParamKind::Number) else { continue };
+                let mut numbers = specs(schema.descriptor().unwrap());
+                numbers.retain(|spec| spec.kind == ParamKind::Number);
                 let value = process.params.value().unwrap();
-                let now = value.field(&spec.name).and_then(Value::as_f64).unwrap();
-                let other = [spec.min, spec.max].into_iter().flatten().find(|limit| *limit != now).unwrap();
-                let other = other.to_string();
-                let changes = [(spec.name.as_str(), other.as_str())];
-                let wanted = params::with_params(&process.params, changes).unwrap();
-                let new = with_params(name, text(name), None, &process.name, &wanted);
-                let new = match new {
-                    Ok(new) => new,
-                    // A limit may contradict another parameter, which the process refuses.
-                    Err(error) if error.is::<rcs_runtime::StackError>() => continue,
-                    Err(error) => panic!("{name} {}: {error:#}", process.name),
-                };
-                let lines = difference(text(name), &new);
-                assert!(lines.iter().any(|line| line.contains(spec.name.as_str())), "{name}: {lines:?}");
+                let mut refused = Vec::new();
+                let taken = numbers.iter().any(|spec| {
+                    let Some(now) = value.field(&spec.name).and_then(Value::as_f64) else { return false };
+                    let mut others = [spec.min, spec.max].into_iter().flatten().filter(|limit| *limit != now);
+                    others.any(|other| is_taken(name, process, spec, other, &mut refused))
+                });
+                assert!(taken || numbers.is_empty(), "{name} {} takes no number: {refused:?}", process.name);
             }
+        }
+    }
+
+    /// Whether a bundled stack can be written with another number of a process. A limit may contradict another
+    /// parameter, which the process refuses.
+    fn is_taken(
+        stack: &str,
+        process: &ProcessPlan,
+        spec: &ParamSpec,
+        number: f64,
+        refused: &mut Vec<String>,
+    ) -> bool {
+        let number = number.to_string();
+        let changes = [(spec.name.as_str(), number.as_str())];
+        let wanted = params::with_params(&process.params, changes).unwrap();
+        match with_params(stack, text(stack), None, &process.name, &wanted) {
+            Ok(new) => {
+                let lines = difference(text(stack), &new);
+                assert!(lines.iter().any(|line| line.contains(spec.name.as_str())), "{stack}: {lines:?}");
+                true
+            }
+            Err(error) if error.is::<rcs_runtime::StackError>() => {
+                refused.push(format!("{error:#}"));
+                false
+            }
+            Err(error) => panic!("{stack} {}: {error:#}", process.name),
         }
     }
 }

@@ -79,7 +79,7 @@ impl Histogram {
     }
 
     /// Share of one histogram that the other does not have: 0 for equal distributions, 1 for disjoint ones. Both must
-    /// have the same sum. This is 1 minus the histogram intersection of Swain and Ballard, and half the sum of absolute
+    /// have the same sum. This is 1 minus the histogram intersection (Swain 1991), and half the sum of absolute
     /// differences.
     pub fn difference(&self, other: &Histogram) -> f32 {
         let sum = self.sum().max(f32::MIN_POSITIVE);

@@ -1,5 +1,5 @@
-//! Depth compressed by RVL (A. D. Wilson, "Fast Lossless Depth Image Compression", 2017), as in images of ROS's
-//! `compressed_depth_image_transport`: width and height (`uint32`), then the depths by rows.
+//! Depth compressed by RVL (Wilson 2017), as in images of ROS's `compressed_depth_image_transport`: width and height
+//! (`uint32`), then the depths by rows.
 
 use super::MAX_PIXELS;
 use ::image::{ImageBuffer, Luma};

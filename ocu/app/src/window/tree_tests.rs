@@ -3,14 +3,48 @@
 use super::*;
 use crate::bundled;
 
+/// Kinds and states of the views below a tile, in order.
+fn states(node: &Node) -> Vec<(&str, &SavedState)> {
+    match node {
+        Node::Row(parts) | Node::Column(parts) => parts.iter().flat_map(|(_, node)| states(node)).collect(),
+        Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => nodes.iter().flat_map(states).collect(),
+        Node::View { kind, state, .. } => vec![(kind.as_str(), state)],
+    }
+}
+
+/// Whether a view has kept all of a state. It keeps more where the state leaves out fields, and sorts some lists.
+fn is_kept(state: &SavedState, kept: &SavedState) -> bool {
+    match (state, kept) {
+        (SavedState::Object(state), SavedState::Object(kept)) => {
+            state.iter().all(|(name, value)| kept.get(name).is_some_and(|kept| is_kept(value, kept)))
+        }
+        (SavedState::Array(state), SavedState::Array(kept)) => {
+            state.len() == kept.len()
+                && state.iter().all(|value| kept.iter().any(|kept| is_kept(value, kept)))
+        }
+        _ => state == kept,
+    }
+}
+
 #[test]
 fn a_layout_survives_being_opened_and_kept() {
+    let mut stored = 0;
     for name in bundled::names("layout") {
         let layout = Layout::bundled(name).unwrap().unwrap();
         let kept = Workspace::new(&layout).layout(layout.buffers);
         let again = Workspace::new(&kept).layout(kept.buffers);
         assert_eq!(kept, again, "{name}");
+        let (views, kept) = (states(&layout.root), states(&kept.root));
+        assert_eq!(views.len(), kept.len(), "{name}");
+        for ((kind, state), (kept_kind, kept)) in views.into_iter().zip(kept) {
+            assert_eq!(kind, kept_kind, "{name}");
+            if !state.is_null() {
+                assert!(is_kept(state, kept), "{name}, {kind}: of {state} there is {kept}");
+                stored += 1;
+            }
+        }
     }
+    assert!(stored > 5, "bundled layouts store the states of {stored} views");
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod pictures;
 mod plans;
 mod projections;
 mod read_outs;
+mod saved;
 mod scenes;
 mod sweeps;
 mod tunes;
@@ -20,7 +21,9 @@ use crate::view::{Selection, View, ViewContext, Wish, show};
 use crate::views::{all, view_type};
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
 use rcs_runtime::source::{Control, Frame};
+use std::collections::BTreeSet;
 
 /// A view, its inputs, and its outputs.
 struct Shown {
@@ -81,8 +84,20 @@ fn every_view_draws_nothing_and_everything_at_any_size_in_both_themes() {
     }
 }
 
+/// A view of each kind that accepts topics of the samples, with one of them.
+const ACCEPTED: [(&str, &str); 7] = [
+    ("camera", "/obstacles/labels"),
+    ("fields", "/flat/chatter"),
+    ("map", "/planner/path"),
+    ("map", "/wm1/map"),
+    ("plan", "/planner/plan"),
+    ("plot", "/planner/status"),
+    ("scene", "/lidar/points"),
+];
+
 #[test]
-fn every_topic_can_be_dropped_where_it_is_accepted_and_is_drawn() {
+fn every_topic_can_be_dropped_where_it_is_accepted_and_is_named_there() {
+    let mut accepted = BTreeSet::new();
     for frame in [samples::full(), samples::driving()] {
         for (view_type, topic) in
             all().iter().flat_map(|view_type| frame.topics.iter().map(move |t| (view_type, t)))
@@ -90,10 +105,29 @@ fn every_topic_can_be_dropped_where_it_is_accepted_and_is_drawn() {
             let mut shown = Shown::new(view_type.kind, frame.clone());
             if shown.view.accepts(topic) {
                 shown.view.drop_topic(topic);
-                harness(shown, Vec2::new(500.0, 400.0), Theme::Dark).run();
+                let mut harness = harness(shown, Vec2::new(500.0, 400.0), Theme::Dark);
+                harness.run();
+                let view = &harness.state().view;
+                let is_named = match view_type.kind {
+                    "camera" | "fields" => view.title(&frame) == *topic.name,
+                    // The formula begins with the topic; which field is meant is chosen next.
+                    "plot" => harness.get_by_label("Formula").value().unwrap().contains(&*topic.name),
+                    // Titles do not depend on the topic.
+                    _ => view.save().to_string().contains(&*topic.name),
+                };
+                assert!(is_named, "{} does not name {}", view_type.kind, topic.name);
+                accepted.insert((view_type.kind, topic.name.to_string()));
             }
         }
     }
+    for (kind, topic) in ACCEPTED {
+        assert!(accepted.contains(&(kind, topic.to_owned())), "{kind} refuses {topic}");
+    }
+    for (kind, topic) in [("camera", "/wm1/map"), ("plot", "/flat/chatter"), ("scene", "/camera/image")] {
+        assert!(!accepted.contains(&(kind, topic.to_owned())), "{kind} accepts {topic}");
+    }
+    let kinds: BTreeSet<&str> = accepted.iter().map(|(kind, _)| *kind).collect();
+    assert_eq!(kinds, BTreeSet::from(ACCEPTED.map(|(kind, _)| kind)));
 }
 
 #[test]
