@@ -27,7 +27,13 @@ impl Assets for Repository {
 /// Names of the bundled courses.
 #[allow(dead_code, reason = "an example includes this file, too")]
 pub(crate) fn courses() -> Vec<String> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/courses");
+    courses_in("../assets/courses")
+}
+
+/// Names of the courses in a folder, which is given relative to that of the tests.
+#[allow(dead_code, reason = "an example includes this file, too")]
+pub(crate) fn courses_in(folder: &str) -> Vec<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
     let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
     let mut names: Vec<String> =
         files.map(|file| file.file_stem().unwrap().to_string_lossy().into_owned()).collect();

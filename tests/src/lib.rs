@@ -15,6 +15,8 @@ mod golden;
 #[cfg(test)]
 mod judged;
 #[cfg(test)]
+mod limits;
+#[cfg(test)]
 mod map_bars;
 #[cfg(test)]
 mod open_sources;

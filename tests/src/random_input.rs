@@ -2,6 +2,7 @@
 //! further.
 
 use proptest::prelude::*;
+use std::collections::BTreeSet;
 
 #[path = "../../fuzz/src/lib.rs"]
 #[allow(unreachable_pub, reason = "the fuzz targets see the same file as a crate of its own")]
@@ -81,9 +82,18 @@ fn the_seeds_of_every_fuzz_target_pass_it() {
         ("journal", targets::recorded::journal),
         ("app_file", app::app_file),
     ];
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds");
+    let fuzz = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz");
+    let files = std::fs::read_dir(fuzz.join("fuzz_targets")).expect("there are fuzz targets");
+    let stem = |file: std::io::Result<std::fs::DirEntry>| {
+        let path = file.expect("it can be read").path();
+        path.file_stem().expect("a file has a name").to_string_lossy().into_owned()
+    };
+    let files: BTreeSet<String> = files.map(stem).collect();
+    let names: BTreeSet<String> = TARGETS.iter().map(|(name, _)| (*name).to_owned()).collect();
+    assert_eq!(files, names, "a new fuzz target belongs into this list and gets a test on random inputs");
     for (name, target) in TARGETS {
-        let seeds = std::fs::read_dir(folder.join(name)).expect(name).map(|entry| entry.expect(name).path());
+        let seeds = std::fs::read_dir(fuzz.join("seeds").join(name)).expect(name);
+        let seeds = seeds.map(|entry| entry.expect(name).path());
         let mut count = 0;
         for seed in seeds {
             target(&std::fs::read(&seed).expect("a seed"));

@@ -224,7 +224,6 @@ fn holds_whole_numbers(value: &Value) -> bool {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};

@@ -63,11 +63,6 @@ impl FromStr for Formula {
 }
 
 impl Formula {
-    /// The formula that is one field.
-    pub fn of_field(field: &FieldRef) -> Result<Self, FormulaError> {
-        field.to_string().parse()
-    }
-
     /// The fields that it reads, in the order of their first mention.
     pub fn fields(&self) -> &[FieldRef] {
         &self.fields

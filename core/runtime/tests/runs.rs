@@ -194,11 +194,11 @@ fn what_the_operator_did_is_done_again_until_a_new_write_begins_a_branch() {
     assert_eq!(z(&session), 5.0);
     session.forward_until(seconds(2.0), &task).unwrap();
     assert_eq!(hash_of(session.run()), hash);
-    assert!(!session.is_branch());
+    assert_eq!(session.runs().len(), 1);
 
     session.go_to_time(seconds(0.5), &task).unwrap();
     session.write(params(3.0)).unwrap();
-    assert!(session.is_branch());
+    assert_eq!(session.runs().len(), 2, "a branch");
     session.forward_until(seconds(2.0), &task).unwrap();
     assert_eq!(z(&session), 3.0, "the write at 1.0 s belongs to the other branch");
 }

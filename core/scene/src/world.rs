@@ -56,8 +56,6 @@ pub struct Ground {
     pub slip_at_limit: f64,
     /// Height of the vegetation, m.
     pub vegetation_height_m: f64,
-    /// Probability that a ray hits a stem, per metre along the ground, 1/m.
-    pub vegetation_density_per_m: f64,
     /// Force needed to push through the vegetation, as a fraction of the vehicle's weight.
     pub vegetation_drag: f64,
     /// Whether a vehicle can drive into the vegetation.
@@ -151,7 +149,6 @@ impl World {
             rolling_resistance: material.rolling_resistance,
             slip_at_limit: material.slip_at_limit,
             vegetation_height_m: material.height_m,
-            vegetation_density_per_m: material.density_per_m,
             vegetation_drag: material.drag,
             passable: material.passable,
         }

@@ -155,6 +155,7 @@ fn mix(hash: u64, word: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn grey(levels: &[u8]) -> RawImage {
         RawImage {
@@ -205,6 +206,52 @@ mod tests {
         let rules: rcs::ImageCheck = rcs_msg::params::default();
         for pixel in [[255, 0, 0], [0, 255, 0], [255, 255, 0], [60, 0, 0]] {
             assert_eq!(check_exposure(&pixel.repeat(500), &rules), Ok(()), "{pixel:?}");
+        }
+    }
+
+    /// [`check_exposure`] with one count over all pixels.
+    fn reference_exposure(pixels: &[[u8; 3]], rules: &rcs::ImageCheck) -> Result<(), ImageFault> {
+        let greys = || pixels.iter().map(|&pixel| u32::from(luma(pixel)));
+        let black = greys().filter(|&grey| grey <= rules.black_level).count();
+        let saturated = greys().filter(|&grey| grey >= rules.saturated_level).count();
+        let pct = |part: usize| (100 * part / pixels.len().max(1)) as u32;
+        if pct(pixels.len().saturating_sub(black + saturated)) >= rules.min_usable_pct {
+            return Ok(());
+        }
+        Err(ImageFault::Exposure {
+            black_pct: pct(black),
+            saturated_pct: pct(saturated),
+            min_usable_pct: rules.min_usable_pct,
+        })
+    }
+
+    /// Images of 0 to 1000 pixels: any colours, only a few, or all pixels black or white.
+    fn pixels() -> impl Strategy<Value = Vec<[u8; 3]>> {
+        let colour = prop_oneof![any::<[u8; 3]>(), Just([0_u8; 3]), Just([255_u8; 3])];
+        prop_oneof![
+            prop::collection::vec(any::<[u8; 3]>(), 0..=1000),
+            prop::collection::vec(colour, 0..=1000),
+            (0..=1000_usize).prop_map(|count| vec![[0_u8; 3]; count]),
+            (0..=1000_usize).prop_map(|count| vec![[255_u8; 3]; count]),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn runs_of_pixels_are_counted_like_single_ones(
+            pixels in pixels(),
+            black_level in 0..=255_u32,
+            saturated_level in 0..=255_u32,
+            min_usable_pct in 0..=100_u32,
+        ) {
+            let levels = rcs::ImageCheck { black_level, saturated_level, ..rcs_msg::params::default() };
+            for min_usable_pct in [min_usable_pct, 100] {
+                let rules = rcs::ImageCheck { min_usable_pct, ..levels };
+                prop_assert_eq!(
+                    check_exposure(pixels.as_flattened(), &rules),
+                    reference_exposure(&pixels, &rules)
+                );
+            }
         }
     }
 

@@ -4,6 +4,7 @@
 //! - [`logs`]: writes logs for tests.
 //! - [`golden`]: compares traces of numbers with committed ones.
 //! - [`data_dir`]: locates the public datasets.
+//! - [`peak_bytes`]: how much memory this process has used.
 //!
 //! This crate is a dev-dependency only, and no part of the program. It is above the runtime, so tests inside of the
 //! crates below cannot use types of theirs through it. A test of a plugin begins with [`bench::Setup`]:
@@ -50,4 +51,41 @@ pub fn data_dir() -> Option<PathBuf> {
     assert!(!required, "OCU_REQUIRE_DATA is 1, but there is no folder of recordings at {}", dir.display());
     eprintln!("skipped: no folder of recordings at {}; set OCU_DATA to one", dir.display());
     None
+}
+
+/// Greatest resident memory of this process so far, bytes.
+///
+/// `None` where the system does not report it, which is everywhere but on Linux; it prints a line that says so.
+///
+/// # Panics
+/// If Linux does not report it.
+pub fn peak_bytes() -> Option<u64> {
+    if !cfg!(target_os = "linux") {
+        eprintln!("skipped: this system does not report the memory of a process");
+        return None;
+    }
+    let status = std::fs::read_to_string("/proc/self/status");
+    let status = status.unwrap_or_else(|error| panic!("/proc/self/status: {error}"));
+    let peak = peak_in(&status);
+    assert!(peak.is_some(), "/proc/self/status has no VmHWM: {status}");
+    peak
+}
+
+/// The greatest resident memory in a status file of Linux, bytes.
+fn peak_in(status: &str) -> Option<u64> {
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: u64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(kilobytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_peak_of_memory_is_that_of_the_status_file_and_never_silently_absent() {
+        assert_eq!(peak_in("VmPeak:\t  90 kB\nVmHWM:\t    12 kB\nVmRSS:\t 8 kB\n"), Some(12 << 10));
+        assert_eq!(peak_in("VmPeak:\t  90 kB\n"), None);
+        assert_eq!(peak_bytes().is_some(), cfg!(target_os = "linux"));
+    }
 }

@@ -77,7 +77,6 @@ fn number(file: &Path) -> Option<(String, u64)> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
 

@@ -258,7 +258,6 @@ fn plain(value: &Value) -> Toml {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use rcs_msg::params;

@@ -2,17 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
+mod common;
+
+use common::ocu;
 use rcs_log::Log;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-/// Runs `ocu`; returns its exit code, output and errors.
-fn ocu(args: &[&str]) -> (i32, String, String) {
-    let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_ocu")).args(args).env_remove("DISPLAY").output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (status.code().unwrap_or(-1), text(stdout), text(stderr))
-}
 
 fn run(args: &[&str], code: i32) -> serde_json::Value {
     let (got, out, errors) = ocu(args);

@@ -16,7 +16,6 @@ use ocu_app::open::Request;
 use ocu_app::window::Options;
 use rcs_msg::rcs::Mission;
 use rcs_runtime::source::Frame;
-use std::time::Duration;
 
 /// A robot before a course, three seconds after its first pictures, with the layout of whom tunes a map.
 fn three_seconds() -> Harness<'static, State> {
@@ -48,14 +47,14 @@ fn on_map(harness: &Harness<'_, State>) -> Pos2 {
     harness.get_by_role_and_label(Role::Image, "Map").rect().center() + Vec2::new(60.0, -70.0)
 }
 
-/// Compares the window with a picture, once what other threads prepare is there, and without messages that go by
-/// themselves.
+/// Compares the window with a picture, once what the source computes again is there, and without messages that go by
+/// themselves. Pictures within it are made in the pass that shows them, because no threads are started for them.
 fn compare(harness: &mut Harness<'_, State>, results: &mut SnapshotResults, name: &str) {
     harness.query_all_by_label("Dismiss").for_each(|dismiss| dismiss.click());
-    for _ in 0..4 {
-        std::thread::sleep(Duration::from_millis(100));
-        harness.run_steps(4);
-    }
+    wait_until(harness, "the past", |frame| {
+        frame.runs.filling.is_none() && frame.topics.iter().all(|topic| !topic.pending)
+    });
+    harness.run_steps(16);
     harness.snapshot_options(name, &SnapshotOptions::new().threshold(1.6).max_failed_pixels(200_usize));
     results.extend(harness.take_snapshot_results());
 }

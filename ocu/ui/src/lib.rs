@@ -35,4 +35,4 @@ pub mod widgets;
 pub use egui_material_icons::icons;
 /// An icon of [`icons`].
 pub type Icon = egui_material_icons::MaterialIcon;
-pub use theme::{Tokens, UNIT, install, tokens, tokens_of};
+pub use theme::{Tokens, UNIT, contrast, install, tokens, tokens_of};

@@ -127,7 +127,7 @@ pub fn tokens_of(theme: Theme) -> &'static Tokens {
 }
 
 /// Contrast ratio of two colours by WCAG 2, 1 to 21.
-fn contrast(a: Color32, b: Color32) -> f32 {
+pub fn contrast(a: Color32, b: Color32) -> f32 {
     let luminance = |color: Color32| {
         let [r, g, b, _] = egui::Rgba::from(color).to_array();
         0.2126 * r + 0.7152 * g + 0.0722 * b

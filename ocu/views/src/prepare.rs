@@ -285,7 +285,6 @@ impl Painted {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use std::sync::Barrier;

@@ -1,7 +1,5 @@
 //! Tests of the primitives of entities, and the samples of other tests of them.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail")]
-
 use super::*;
 use rcs_msg::foxglove::{Color, CubePrimitive, CylinderPrimitive, ModelPrimitive, SpherePrimitive, Vector3};
 

@@ -254,7 +254,6 @@ fn by_index(root: &Value, path: &FieldPath) -> Option<Shown> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
 

@@ -488,7 +488,6 @@ fn take_field(view: &mut dyn View, ui: &Ui, rect: egui::Rect) {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
 

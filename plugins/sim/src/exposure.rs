@@ -123,6 +123,7 @@ pub fn encoding_of(kind: CameraKind) -> (usize, &'static str) {
 mod tests {
     use super::*;
     use crate::spec::VehicleSpec;
+    use proptest::prelude::*;
 
     fn camera() -> CameraSpec {
         let text = include_str!("../../../assets/vehicles/lagr.toml");
@@ -149,6 +150,64 @@ mod tests {
             // Rounding to whole levels adds a variance of 1/12.
             let got = (variance - 1.0 / 12.0).sqrt();
             assert!((got / expected - 1.0).abs() < 0.05, "level {level}: got {got}, expected {expected}");
+        }
+    }
+
+    /// [`Sensor::expose`] of one value of a pixel, by its column, row and channel.
+    fn reference_exposed(
+        spec: &CameraSpec,
+        size: [usize; 2],
+        exposure: &Exposure,
+        [column, row, channel]: [usize; 3],
+        value: u8,
+    ) -> u8 {
+        let middle = size.map(|side| 0.5 * (side as f32 - 1.0));
+        let [right, down] = [column as f32 - middle[0], row as f32 - middle[1]];
+        let corner2 = middle[0] * middle[0] + middle[1] * middle[1];
+        let gain = exposure.gain as f32;
+        let lost = gain * spec.vignette as f32 / corner2;
+        let light = f32::from(value) * (gain - lost * down * down - lost * right * right);
+        let [dark, white] = [spec.dark_noise as f32, spec.shot_noise as f32];
+        let level = f32::from(light.clamp(0.0, 255.0) as u8);
+        let deviation = dark + (white - dark) * (level / 255.0).sqrt();
+        let noise = channels(exposure.key, (row * size[0] + column) as u64)[channel];
+        (light + noise * deviation + 0.5).clamp(0.0, 255.0) as u8
+    }
+
+    fn check_expose<const CHANNELS: usize>(
+        spec: &CameraSpec,
+        size: [usize; 2],
+        exposure: &Exposure,
+        first_row: usize,
+        values: &[u8],
+    ) {
+        let mut got = values.to_vec();
+        Sensor::new(spec, size).expose::<CHANNELS>(exposure, first_row, &mut got);
+        let expected = values.iter().enumerate().map(|(index, &value)| {
+            let pixel = index / CHANNELS;
+            let place = [pixel % size[0], first_row + pixel / size[0], index % CHANNELS];
+            reference_exposed(spec, size, exposure, place, value)
+        });
+        assert_eq!(got, expected.collect::<Vec<u8>>(), "{CHANNELS} channels, {size:?} from row {first_row}");
+    }
+
+    proptest! {
+        #[test]
+        fn rows_are_exposed_like_single_values(
+            (width, height) in (2..40_usize, 2..40_usize),
+            first in any::<prop::sample::Index>(),
+            gain in 0.05..8.0_f64,
+            vignette in 0.0..1.0_f64,
+            (dark_noise, shot_noise) in (0.0..20.0_f64, 0.0..20.0_f64),
+            key in any::<u64>(),
+            values in prop::collection::vec(any::<u8>(), 40 * 40 * 3),
+        ) {
+            let spec = CameraSpec { vignette, dark_noise, shot_noise, ..camera() };
+            let first_row = first.index(height);
+            let count = width * (height - first_row);
+            let exposure = Exposure { gain, key };
+            check_expose::<1>(&spec, [width, height], &exposure, first_row, &values[..count]);
+            check_expose::<3>(&spec, [width, height], &exposure, first_row, &values[..count * 3]);
         }
     }
 

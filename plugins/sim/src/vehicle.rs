@@ -5,7 +5,7 @@
 //! limit of traction the vehicle drifts sideways in proportion to its speed and the side force; above the limit it
 //! slides.
 
-use crate::contact::{Contact, Contacts};
+use crate::contact::Contacts;
 pub use crate::drive::STEP_S;
 use crate::drive::{Drive, Load, Motion, slip_of, step_differential, step_steered};
 use crate::spec::VehicleSpec;
@@ -142,11 +142,6 @@ impl Vehicle {
     /// Horizontal position of the vehicle's origin.
     pub fn at(&self) -> DVec2 {
         self.at
-    }
-
-    /// Contacts that began during the last step.
-    pub fn new_contacts(&self) -> impl Iterator<Item = &Contact> {
-        self.contacts.list().iter().filter(|contact| contact.steps == 0)
     }
 
     /// Horizontal unit vectors ahead and to the left.

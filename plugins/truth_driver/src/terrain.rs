@@ -171,11 +171,6 @@ impl Terrain {
         self.south_west + DVec2::new(column as f64 + 0.5, row as f64 + 0.5) * self.cell_size_m
     }
 
-    /// Distance to the nearest blocked cell, m; 0 outside of the map.
-    pub fn room_at(&self, place: DVec2) -> f64 {
-        self.cell_at(place).map_or(0.0, |cell| f64::from(self.room_m[cell]))
-    }
-
     /// The cheapest path from `start` to `goal`.
     pub fn way(&self, start: DVec2, goal: DVec2, rules: &Rules) -> Result<Way, NoWay> {
         let outside = |what, place: DVec2| NoWay::Outside { what, x: place.x, y: place.y };

@@ -126,7 +126,6 @@ fn places_off_the_map_and_maps_that_are_none_are_refused() {
     let error = terrain.way(START, DVec2::new(99.0, 4.0), &RULES).unwrap_err();
     assert_eq!(error.to_string(), "goal is at (99.0, 4.0) m, expected a place on the map");
     assert!(terrain.way(DVec2::new(f64::NAN, 0.0), GOAL, &RULES).is_err());
-    assert_eq!(terrain.room_at(DVec2::new(-1.0, 0.0)), 0.0);
     let lacks = Grid { fields: flat.fields[1..].to_vec(), ..flat.clone() };
     assert!(Terrain::new(&lacks, &RULES).unwrap_err().contains("\"height\""));
     let nan = map(|column, _| (if column == 7 { f32::NAN } else { 0.0 }, 0.0, 1));

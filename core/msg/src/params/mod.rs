@@ -8,7 +8,7 @@
 
 mod spec;
 
-pub use spec::{ParamKind, ParamSpec, specs, specs_of};
+pub use spec::{ParamKind, ParamSpec, specs};
 
 use crate::any::{AnyMessage, Payload, schema_of};
 use crate::path::{FieldPath, Segment};

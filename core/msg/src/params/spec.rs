@@ -1,6 +1,5 @@
 //! Specifications of parameters, read from the options of their fields.
 
-use crate::any::{Payload, schema_of};
 use crate::value::Value;
 use prost_reflect::{FieldDescriptor, Kind, MessageDescriptor, Value as Reflected};
 
@@ -59,11 +58,6 @@ pub struct ParamSpec {
 /// cannot be parameters (bytes, maps) are left out.
 pub fn specs(descriptor: &MessageDescriptor) -> Vec<ParamSpec> {
     specs_at(descriptor, 0)
-}
-
-/// [`specs`] of a generated type.
-pub fn specs_of<T: Payload>() -> Vec<ParamSpec> {
-    schema_of::<T>().descriptor().map(specs).unwrap_or_default()
 }
 
 fn specs_at(descriptor: &MessageDescriptor, depth: usize) -> Vec<ParamSpec> {

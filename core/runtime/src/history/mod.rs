@@ -135,11 +135,6 @@ impl Session {
         self.runs[self.run].end_time
     }
 
-    /// Whether the viewed run branched from another one.
-    pub fn is_branch(&self) -> bool {
-        self.runs[self.run].branched_from.is_some()
-    }
-
     /// Whether the viewed moment is the end of what was executed.
     pub fn is_at_end(&self) -> bool {
         self.cursor >= self.runs[self.run].end

@@ -1,7 +1,5 @@
 //! Tests of the entities of scenes.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail")]
-
 use super::*;
 use rcs_msg::foxglove::SceneEntityDeletion;
 

@@ -1,7 +1,5 @@
 //! Tests of recordings whose clock begins again.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail")]
-
 use super::*;
 use foxglove::{FrameTransform, FrameTransforms, Odometry, Pose, Quaternion, Vector3};
 

@@ -90,3 +90,63 @@ impl HeldControls {
         .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::foxglove::Vector3;
+
+    const START: Stamp = Stamp(0);
+
+    /// Holds `/hand`, with 50 ms of the source between messages.
+    fn hand() -> HeldControl {
+        HeldControl {
+            buffer: "/hand".to_owned(),
+            every_ns: 50_000_000,
+            make: Arc::new(|_| AnyMessage::new(Vector3::default())),
+        }
+    }
+
+    fn at_ms(ms: u64) -> Stamp {
+        START.after_ns(ms * 1_000_000)
+    }
+
+    /// The times at which a source writes that stops where something is due, ms.
+    fn written_ms(hands: &mut HeldControls, until: Stamp) -> Vec<u64> {
+        let mut times = Vec::new();
+        while let Some(due) = hands.next_due().filter(|due| *due <= until) {
+            times.extend(hands.take_due(due).iter().map(|_| due.0 / 1_000_000));
+        }
+        times
+    }
+
+    #[test]
+    fn what_is_held_is_due_at_its_rate_until_let_go() {
+        let (mut hands, clock, held) = (HeldControls::default(), Instant::now(), hand());
+        hands.hold(held.clone(), clock, START);
+        assert_eq!(written_ms(&mut hands, at_ms(120)), [0, 50, 100]);
+        hands.hold(held, clock, at_ms(130));
+        assert_eq!(written_ms(&mut hands, at_ms(200)), [150, 200], "renewed with the same value");
+        hands.hold(hand(), clock, at_ms(210));
+        assert_eq!(written_ms(&mut hands, at_ms(270)), [210, 260], "another value is due at once");
+        hands.let_go("/other");
+        assert_eq!(hands.next_due(), Some(at_ms(310)));
+        hands.let_go("/hand");
+        assert_eq!(hands.next_due(), None);
+    }
+
+    #[test]
+    fn a_control_lapses_that_is_not_renewed_within_its_lease() {
+        let (mut hands, start) = (HeldControls::default(), Instant::now());
+        let is_held = |hands: &mut HeldControls, clock: Instant| {
+            hands.drop_lapsed(clock);
+            hands.next_due().is_some()
+        };
+        hands.hold(hand(), start, START);
+        let renewed = start + HeldControl::LEASE;
+        assert!(is_held(&mut hands, renewed));
+        hands.hold(hand(), renewed, START);
+        assert!(is_held(&mut hands, renewed + HeldControl::LEASE));
+        assert!(!is_held(&mut hands, renewed + HeldControl::LEASE + Duration::from_millis(1)));
+    }
+}

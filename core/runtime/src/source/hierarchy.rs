@@ -281,7 +281,6 @@ fn unwritten(info: &ProcessInfo, buffers: &[BufferInfo], are_all: bool) -> Vec<A
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use rcs_msg::rcs::PortInfo;

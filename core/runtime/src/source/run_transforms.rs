@@ -160,7 +160,6 @@ fn join(own: &TransformTree, recorded: &TransformTree) -> TransformTree {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use foxglove::{FrameTransform, FrameTransforms, Odometry, Pose, Quaternion, Vector3};

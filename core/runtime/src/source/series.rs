@@ -522,6 +522,5 @@ fn part<T: Record>(store: &Store<T>, level: usize, from: usize, to: usize) -> Pa
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 #[path = "series_tests.rs"]
 mod tests;

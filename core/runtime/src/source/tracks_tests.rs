@@ -1,7 +1,5 @@
 //! Tests of tracks and transforms of a log.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail")]
-
 use super::*;
 use foxglove::{
     FrameTransform, FrameTransforms, KeyValuePair, LocationFix, Odometry, PoseInFrame, Quaternion, Vector3,

@@ -251,8 +251,54 @@ pub(super) const HELD: &[(&str, &str)] =
 mod tests {
     use super::*;
 
+    /// All commands of the enum, in both directions where they have one. It does not compile without each of them.
+    macro_rules! every {
+        (@both $name:ident) => { vec![Command::$name] };
+        (@both $name:ident $back:ident) => {
+            vec![Command::$name { $back: false }, Command::$name { $back: true }]
+        };
+        ($($name:ident $({ $back:ident })?),+ $(,)?) => {{
+            for entry in COMMANDS {
+                let ($(Command::$name $({ $back: _ })?)|+) = entry.command;
+            }
+            [$(every!(@both $name $($back)?)),+].concat()
+        }};
+    }
+
     #[test]
     fn every_command_is_listed_once_and_no_two_have_one_key() {
+        let every = every![
+            PlayPause,
+            Step { back },
+            StepCycle { back },
+            StepSecond { back },
+            NextEvent { back },
+            Bookmark,
+            ToStart,
+            ToEnd,
+            Loop,
+            Open,
+            Restart,
+            NextRun,
+            SaveRemembered,
+            Record,
+            Silence,
+            AlarmSound,
+            TakeBack,
+            EmergencyStop,
+            Cancel,
+            Buffers,
+            FittingLayout,
+            ResetLayout,
+            UndoLayout,
+            RedoLayout,
+            Theme,
+            Palette,
+            Keys,
+        ];
+        for command in every {
+            assert!(entry_of(command).is_some(), "{command:?} is not listed");
+        }
         for (index, entry) in COMMANDS.iter().enumerate() {
             for other in &COMMANDS[..index] {
                 assert!(entry.id != other.id && entry.command != other.command, "{}", entry.id);

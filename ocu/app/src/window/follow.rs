@@ -140,7 +140,6 @@ fn read(recording: &Request, viewed: Stamp) -> anyhow::Result<Box<dyn Source>> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use std::path::PathBuf;

@@ -159,7 +159,6 @@ fn parse(text: &str) -> Result<BTreeMap<String, Vec<Shortcut>>, String> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::super::commands::entry_of;
     use super::*;

@@ -120,7 +120,6 @@ fn difference(ui: &mut egui::Ui, edit: &Edit) {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use egui_kittest::Harness;

@@ -118,7 +118,6 @@ fn shown(key: Key) -> &'static str {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use crate::window::commands::COMMANDS;

@@ -261,7 +261,6 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use rcs_runtime::source::Task;

@@ -229,7 +229,6 @@ fn histogram(ui: &Ui, rect: Rect, numbers: &Numbers) {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
 

@@ -148,7 +148,6 @@ pub(super) fn line(above: Rect, below: Rect, in_block: bool) -> Vec<Pos2> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use rcs_msg::rcs::ProcessInfo;

@@ -1,7 +1,5 @@
 //! Tests of entities on the map.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail")]
-
 use super::*;
 use crate::map::layers;
 use crate::samples;

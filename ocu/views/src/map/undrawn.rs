@@ -134,7 +134,6 @@ pub(super) fn with_hint(hint: &str, ctx: &Context, frame: &Frame) -> String {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::*;
     use crate::samples;

@@ -9,6 +9,7 @@ use egui::epaint::{ClippedShape, TextShape};
 use egui::{Color32, Key, Pos2, Rect, Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use ocu_ui::contrast;
 use rcs_runtime::source::Frame;
 use std::collections::BTreeMap;
 
@@ -185,16 +186,6 @@ impl Painted {
             }
         }
     }
-}
-
-/// Contrast ratio of two colours by WCAG 2, 1 to 21.
-fn contrast(a: Color32, b: Color32) -> f32 {
-    let luminance = |color: Color32| {
-        let [r, g, b, _] = egui::Rgba::from(color).to_array();
-        0.2126 * r + 0.7152 * g + 0.0722 * b
-    };
-    let (a, b) = (luminance(a) + 0.05, luminance(b) + 0.05);
-    if a > b { a / b } else { b / a }
 }
 
 #[test]

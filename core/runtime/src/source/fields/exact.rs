@@ -68,7 +68,6 @@ fn whole_number(message: &AnyMessage, path: &FieldPath) -> Option<i128> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::super::read_fields;
     use super::*;

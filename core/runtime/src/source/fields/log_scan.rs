@@ -245,7 +245,6 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::super::extract::MOST_TEXTS;
     use super::*;

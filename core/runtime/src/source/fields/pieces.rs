@@ -203,7 +203,6 @@ impl<'a> Order<'a> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may fail")]
 mod tests {
     use super::super::{FieldSeries, read_fields};
     use rcs_formula::FieldRef;
