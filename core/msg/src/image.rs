@@ -9,6 +9,8 @@ pub use compressed::{compressed_to_rgb8, decompress};
 
 /// Images with more pixels than this are refused: no camera makes them, but a damaged header may claim them.
 const MAX_PIXELS: u64 = 1 << 27;
+/// Greatest width and height of a compressed image.
+const MAX_SIDE: u32 = 32_768;
 
 /// An image: rows from the top, three bytes per pixel, no padding.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,9 +7,9 @@ mod common;
 use common::{ON_LOG, PAIR, plan, seconds, write_log};
 use rcs_formula::FieldRef;
 use rcs_log::{CursorOptions, Log};
-use rcs_msg::{AnyMessage, Stamp, foxglove};
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs, schema_of};
 use rcs_runtime::source::{
-    Control, Driver, Frame, RecordingEnd, RunTag, Source, SourceError, StackSource, Step, Task,
+    Control, Driver, Frame, RecordingEnd, RunTag, Source, SourceError, StackSource, Step, Task, finish_idle,
 };
 use rcs_runtime::{RecordOptions, RunId, RunOptions};
 use rcs_testkit::proto::CounterParams;
@@ -170,4 +170,45 @@ fn rates_and_times_are_right_after_the_clock_of_a_log_was_set() {
     let mut times = Vec::new();
     points.each(0..points.len(), |point| times.push(point.stamp));
     assert_eq!(times, messages.iter().map(|(time_s, ..)| seconds(*time_s)).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_run_beside_the_viewed_one_has_the_tracks_of_the_clock_of_its_own_moment() {
+    // 20 s of poses ahead, then 20 s of poses back with the same stamps.
+    let messages: Vec<_> = (0..40)
+        .flat_map(|second: u32| {
+            let x = f64::from(second % 20) * if second < 20 { 1.0 } else { -1.0 };
+            let position = Some(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+            let orientation = Some(foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 });
+            let odometry = AnyMessage::new(foxglove::Odometry {
+                timestamp: Some(seconds(1.0 + x.abs()).to_proto()),
+                frame_id: "odom".to_owned(),
+                body_frame_id: "base".to_owned(),
+                pose: Some(foxglove::Pose { position, orientation }),
+                ..foxglove::Odometry::default()
+            });
+            let time = seconds(100.0 + f64::from(second));
+            [(time, "/a", AnyMessage::new(foxglove::Vector3::default())), (time, "/odom", odometry)]
+        })
+        .collect();
+    let topics = [("/a", schema_of::<foxglove::Vector3>()), ("/odom", schema_of::<foxglove::Odometry>())];
+    let messages = messages.iter().map(|(time, topic, message)| (*time, *topic, message));
+    let log = rcs_testkit::logs::hand_made(&topics, messages);
+    let mut source = StackSource::new(plan(ON_LOG).unwrap(), Some(&log), RunOptions::default()).unwrap();
+    let task = Task::default();
+    source.seek(seconds(110.0), &task).unwrap();
+    source.seek(seconds(105.0), &task).unwrap();
+    let halt = rcs::Command { serial: 2, name: "HALT".to_owned(), ..rcs::Command::default() };
+    source.write("/adder/command", AnyMessage::new(halt)).unwrap();
+    source.seek(seconds(130.0), &task).unwrap();
+    source.watch(&[RunId(0)]);
+    finish_idle(&mut source);
+    let frame = source.frame();
+    let beside = &frame.beside[0];
+    assert_eq!((frame.now, beside.now), (seconds(130.0), seconds(110.0)));
+    let last_x = |frame: &Frame| {
+        let track = frame.track("/odom", RunTag::Recorded).unwrap();
+        track.points.last().unwrap().position_m[0]
+    };
+    assert_eq!((last_x(&frame), last_x(beside)), (-19.0, 19.0));
 }

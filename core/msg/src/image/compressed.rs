@@ -1,14 +1,12 @@
 //! Compressed images: JPEG, PNG, GIF, BMP, WebP and TIFF, and depth as ROS's `compressed_depth_image_transport` writes it.
 
-use super::{ImageError, MAX_PIXELS, RgbImage, raw_to_rgb8, rvl};
+use super::{ImageError, MAX_PIXELS, MAX_SIDE, RgbImage, raw_to_rgb8, rvl};
 use crate::foxglove::{CompressedImage, RawImage};
 use crate::guard::guarded;
 use ::image::{ColorType, DynamicImage, ImageReader, Limits};
 use bytes::Bytes;
 use std::io::Cursor;
 
-/// Greatest width and height of a compressed image.
-const MAX_SIDE: u32 = 32_768;
 /// Part of the name of a format whose data are a PNG, or RVL, behind a header.
 const DEPTH: &str = "compressedDepth";
 /// Size of that header, bytes: the format (`int32`) and the parameters A and B of quantised depth (`float32`).

@@ -1,7 +1,7 @@
 //! Depth compressed by RVL (Wilson 2017), as in images of ROS's `compressed_depth_image_transport`: width and height
 //! (`uint32`), then the depths by rows.
 
-use super::MAX_PIXELS;
+use super::{MAX_PIXELS, MAX_SIDE};
 use ::image::{ImageBuffer, Luma};
 
 /// Decodes an image; pixels without depth are 0. The error says what is wrong with the data.
@@ -14,6 +14,9 @@ pub(super) fn decode(data: &[u8]) -> Result<ImageBuffer<Luma<u16>, Vec<u16>>, St
     if count == 0 || count > MAX_PIXELS {
         return Err(format!("it has {width}×{height} pixels, expected 1 to {MAX_PIXELS}"));
     }
+    if width.max(height) > MAX_SIDE {
+        return Err(format!("it has {width}×{height} pixels, expected at most {MAX_SIDE} a side"));
+    }
     let count = count as usize;
     let mut depths: Vec<u16> = Vec::new();
     let mut numbers = Numbers { words: coded.chunks(4), word: 0, nibbles: 0 };
@@ -21,15 +24,16 @@ pub(super) fn decode(data: &[u8]) -> Result<ImageBuffer<Luma<u16>, Vec<u16>>, St
     // Runs in turn of pixels without depth, of which the length is stored, and of pixels with depth, of which the length
     // and the differences are stored.
     while depths.len() < count {
-        let (have, cut) = (depths.len(), format!("its data end after {} of {count} pixels", depths.len()));
-        let empty = numbers.next().ok_or_else(|| cut.clone())? as usize;
-        let full = numbers.next().ok_or_else(|| cut.clone())? as usize;
+        let have = depths.len();
+        let cut = || format!("its data end after {have} of {count} pixels");
+        let empty = numbers.next().ok_or_else(cut)? as usize;
+        let full = numbers.next().ok_or_else(cut)? as usize;
         if empty.saturating_add(full) > count - have {
             return Err(format!("{empty} and {full} pixels follow {have} of {count}"));
         }
         depths.resize(have + empty, 0);
         for _ in 0..full {
-            let number = numbers.next().ok_or_else(|| cut.clone())?;
+            let number = numbers.next().ok_or_else(cut)?;
             // The lowest bit is the sign: 0, 1, 2, 3, 4 are 0, −1, 1, −2, 2.
             let difference = (number >> 1) ^ (number & 1).wrapping_neg();
             last = last.wrapping_add(difference as u16);
@@ -91,7 +95,7 @@ mod tests {
         out
     }
 
-    pub(in crate::image) fn encode(width: u32, height: u32, depths: &[u16]) -> Vec<u8> {
+    fn encode(width: u32, height: u32, depths: &[u16]) -> Vec<u8> {
         let mut nibbles = Vec::new();
         for mut number in numbers(depths) {
             while number > 7 {
@@ -134,6 +138,8 @@ mod tests {
         let size = |width: u32, height: u32| [width, height].into_iter().flat_map(u32::to_le_bytes);
         let none: Vec<u8> = size(0, 3).collect();
         assert_eq!(decode(&none).unwrap_err(), "it has 0×3 pixels, expected 1 to 134217728");
+        let wide: Vec<u8> = size(32_769, 1).collect();
+        assert_eq!(decode(&wide).unwrap_err(), "it has 32769×1 pixels, expected at most 32768 a side");
         let empty: Vec<u8> = size(2, 3).collect();
         assert_eq!(decode(&empty).unwrap_err(), "its data end after 0 of 6 pixels");
         let long: Vec<u8> = size(2, 3).chain(0x7700_0000_u32.to_le_bytes()).collect();

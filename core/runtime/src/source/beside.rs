@@ -70,8 +70,16 @@ impl Beside {
             let entities = frame.entities.iter().map(|entities| entities.at(now)).collect();
             let transform_clock =
                 recorded.map_or_else(Arc::default, |view| Arc::clone(view.transform_clock(now)));
+            let tracks = match recorded.filter(|_| now != frame.now) {
+                // The recording may have another run of its clock at that time.
+                Some(view) => {
+                    let own = frame.tracks.iter().filter(|track| !track.run.is_recorded()).cloned();
+                    view.tracks(now).chain(own).collect()
+                }
+                None => Arc::clone(&frame.tracks),
+            };
             let placed = Frame { now, topics, entities, transforms, transform_clock, ..frame.clone() };
-            Arc::new(Frame { runs, is_beside: true, ..placed })
+            Arc::new(Frame { tracks, runs, is_beside: true, ..placed })
         });
         frames.collect()
     }

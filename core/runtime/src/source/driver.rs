@@ -2,15 +2,17 @@
 //!
 //! Requests are processed in order, except emergency stops, which have priority: an emergency stop ends the current
 //! work, is written before everything that waits, and discards what waits to go elsewhere: seeks, steps, undoing and
-//! other runs. It is recognised by its message type.
+//! other runs. It is recognised by its message type. The gathering of fields that it interrupts begins again when no stop
+//! has come for a second.
 
-use super::compared::Compared;
+use super::control::Control;
 use super::frame::{Frame, Playback, Topic};
-use super::held::{HeldControl, HeldControls};
+use super::held::HeldControls;
 use super::pace::Pace;
-use super::{Source, SourceError, Step, Task};
+use super::{Source, SourceError, Task};
 use crate::node::panic_text;
 use crate::record::RecordOptions;
+use rcs_formula::FieldRef;
 use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
 use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -20,66 +22,6 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel}
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-
-/// Requests to a source.
-#[derive(Clone, Debug)]
-pub enum Control {
-    /// Play.
-    Play,
-    /// Pause.
-    Pause,
-    /// Seconds of the source per second of the clock; infinite for as fast as possible.
-    Speed(f64),
-    /// Whether to start again at the end.
-    Loop(bool),
-    /// Seek to a time.
-    Seek(Stamp),
-    /// Go one step.
-    Step(Step),
-    /// Write a message into a buffer.
-    Write {
-        /// Its name.
-        buffer: String,
-        /// The message.
-        message: AnyMessage,
-    },
-    /// Go to another run of the stack.
-    SwitchRun(crate::RunId),
-    /// Undo the last write: continue from before it, in another run.
-    Undo,
-    /// Show the same moment of these runs beside the viewed one.
-    Watch(Vec<crate::RunId>),
-    /// Gather the values of these fields over time, and of no others.
-    Gather(Vec<rcs_formula::FieldRef>),
-    /// Compare these pairs of runs and recordings, and no others ([`Frame::comparisons`]).
-    Compare(Vec<[Compared; 2]>),
-    /// Choose the files of the recording that [`Compared::Other`] means: one, several if it was split, or none.
-    Against(Vec<std::path::PathBuf>),
-    /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
-    /// the control is held; otherwise the control is released. When the view goes back or to another run, the control
-    /// ends: nothing is written until it has been released and is held again.
-    Hold(HeldControl),
-    /// Release a held control, and write a last message, unless the control has ended before.
-    LetGo(HeldControl),
-    /// Record the run to a file that does not exist yet.
-    Record {
-        /// The file.
-        path: std::path::PathBuf,
-        /// Program and version.
-        build: String,
-    },
-    /// End the recording.
-    StopRecording,
-    /// Cancel long work.
-    Cancel,
-}
-
-impl Control {
-    /// Whether it takes the view to another moment, other than by playing.
-    pub fn goes_elsewhere(&self) -> bool {
-        matches!(self, Self::Seek(_) | Self::Step(_) | Self::SwitchRun(_) | Self::Undo)
-    }
-}
 
 /// Time between frames while playing, unless the window can draw only fewer ([`Driver::show_every`]).
 const FRAME: Duration = Duration::from_millis(16);
@@ -92,6 +34,9 @@ const BUDGET: Duration = Duration::from_millis(24);
 const IN_A_GAP_NS: u64 = 1_000_000_000;
 /// Least time between frames that show the results of background work.
 const SHOW_IDLE: Duration = Duration::from_millis(250);
+/// Fields that an emergency stop kept from being gathered wait until no other one has come for this time. A window sends a
+/// stop more often than that until the vehicle confirms it, for which time must go on.
+const GATHER_AGAIN: Duration = Duration::from_secs(1);
 
 /// A source on a separate thread. Dropping it ends the thread.
 pub struct Driver {
@@ -166,6 +111,7 @@ impl Driver {
                 hands: HeldControls::default(),
                 controls: &receiver,
                 pending: VecDeque::new(),
+                gather_later: None,
                 idle: true,
                 may_idle: false,
                 is_behind: false,
@@ -250,6 +196,8 @@ struct DriverLoop<'a, W> {
     controls: &'a Receiver<Control>,
     /// The outstanding requests, oldest first.
     pending: VecDeque<Control>,
+    /// Fields that an emergency stop kept from being gathered, and when they are to be.
+    gather_later: Option<(Vec<FieldRef>, Instant)>,
     /// Whether background work is left.
     idle: bool,
     /// Whether there may be some, because something was asked for since the source was last given time for it.
@@ -272,6 +220,10 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 Duration::ZERO
             } else {
                 Duration::MAX
+            };
+            let wait = match &self.gather_later {
+                Some((_, at)) => wait.min(at.saturating_duration_since(Instant::now())),
+                None => wait,
             };
             if self.pending.is_empty() {
                 match self.controls.recv_timeout(wait) {
@@ -299,6 +251,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.obey(control);
                 self.write_urgent();
             }
+            changed |= self.gather_again();
             if self.playback.playing {
                 self.play_on(Instant::now());
                 let is_due = shown.elapsed() + Duration::from_millis(1) >= self.shared.every();
@@ -350,6 +303,9 @@ impl<W: Fn()> DriverLoop<'_, W> {
             if let Err(error) = self.source.write(&buffer, message) {
                 self.playback.error = Some(error.to_string());
             }
+        }
+        if let Some((_, at)) = &mut self.gather_later {
+            *at = Instant::now() + GATHER_AGAIN;
         }
         self.pending.extend(self.controls.try_iter());
         self.pending.retain(|control| !control.goes_elsewhere());
@@ -414,12 +370,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 return;
             }
             Control::Gather(fields) => {
-                let shared = Arc::clone(&self.shared);
-                if !self.source.gather(&fields, &|| !shared.urgent().is_empty()) {
-                    // An emergency stop comes first.
-                    self.pending.push_front(Control::Gather(fields));
-                }
-                self.idle = true;
+                self.gather(fields);
                 return;
             }
             Control::Compare(pairs) => {
@@ -455,6 +406,23 @@ impl<W: Fn()> DriverLoop<'_, W> {
             Control::Cancel => return,
         };
         self.playback.error = result.err().map(|error| error.to_string());
+    }
+
+    /// Gathers these fields, and no others; later if an emergency stop interrupts.
+    fn gather(&mut self, fields: Vec<FieldRef>) {
+        let shared = Arc::clone(&self.shared);
+        let is_whole = self.source.gather(&fields, &|| !shared.urgent().is_empty());
+        self.gather_later = (!is_whole).then(|| (fields, Instant::now() + GATHER_AGAIN));
+        self.idle = true;
+    }
+
+    /// Gathers the fields that an emergency stop kept from being gathered, if it is time. Whether it did.
+    fn gather_again(&mut self) -> bool {
+        let due = self.gather_later.take_if(|(_, at)| *at <= Instant::now());
+        let Some((fields, _)) = due else { return false };
+        self.gather(fields);
+        self.write_urgent();
+        true
     }
 
     /// Restarts the pace at the current position of the source.

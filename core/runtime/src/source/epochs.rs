@@ -6,14 +6,18 @@
 //! in which its log time lies, however it was reached. (tf2 forgets everything where time goes back, which a player that
 //! seeks cannot do.)
 //!
-//! An epoch begins where the stamps of a frame's transforms on one topic go back by more than [`BEGINS_AGAIN_NS`] while the
-//! log time goes on; those of odometry count where nothing else moves its frame. Poses do not begin an epoch, but where they
-//! (or stamps of 0, from a node that has not heard the new time yet) come shortly before the first new transform, the epoch
-//! begins with them. It lasts at least [`BEGINS_AGAIN_NS`]. Stamps that go back, and then on where they were before, are
-//! those of two clocks on one topic: from then on they begin nothing.
+//! An epoch begins where the stamps of a frame's transforms on one topic go back by more than [`BEGINS_AGAIN_NS`], and that
+//! far behind the clock of the present epoch, while the log time goes on; those of odometry count where nothing else moves
+//! its frame. Poses do not begin an epoch, but where they (or stamps of 0, from a node that has not heard the new time yet)
+//! come shortly before the first new transform, the epoch begins with them. It lasts at least [`BEGINS_AGAIN_NS`]. A frame
+//! that comes for the first time in an epoch is not compared with its stamps of before.
+//!
+//! Stamps that leap ahead, and then go on where they were before, were wrong, or of another clock on that topic: they begin
+//! nothing. Stamps that go back, and then on where they were before, begin an epoch once, and nothing from then on.
 //!
 //! Of frames that an epoch does not move, the transforms that were sent once or are static hold from the nearest epoch
-//! before, else from the nearest after. Others do not: where the vehicle was in another run is unknown here.
+//! before, else from the nearest after, unless an epoch between moves the frame. Others do not: where the vehicle was in
+//! another run is unknown here.
 //!
 //! State: that of the tracks, and about 100 bytes for each frame of a topic.
 
@@ -72,23 +76,31 @@ impl Epochs {
 
     /// Follows the stamps of a message, and begins another epoch if the clock begins again with it.
     fn follow(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage) {
-        let stated_all = stamps_of(message);
-        if stated_all.is_empty() {
-            return;
-        }
-        let is_old = self.past.is_empty() || log_time >= self.current.from.after_ns(BEGINS_AGAIN_NS);
-        let of_topic = self.stamps.entry(Arc::clone(topic)).or_default();
+        let Epoch { from, tracks, .. } = &self.current;
+        let is_old = self.past.is_empty() || log_time >= from.after_ns(BEGINS_AGAIN_NS);
         let mut begins = None;
-        for (frame, kind, stamp) in stated_all {
-            let stamps = of_topic.entry(frame.to_owned()).or_default();
-            let back_ns = stamps.follow(log_time, stated(stamp, log_time));
+        for (frame, kind, stamp) in stamps_of(message) {
+            // A name is copied only where it is new.
+            let of_topic = match self.stamps.get_mut(topic) {
+                Some(of_topic) => of_topic,
+                None => self.stamps.entry(Arc::clone(topic)).or_default(),
+            };
+            let stamps = match of_topic.get_mut(frame) {
+                Some(stamps) => stamps,
+                None => of_topic.entry(frame.to_owned()).or_default(),
+            };
+            let stamp = stated(stamp, log_time);
+            let is_of_epoch = stamps.last.is_some_and(|(last_time, _)| last_time >= *from);
+            let Some(back_ns) = stamps.follow(log_time, stamp) else { continue };
             let moves = match kind {
                 Kind::Transform => true,
-                Kind::Odometry => !frame.is_empty() && !self.current.tracks.has_transform(frame),
+                Kind::Odometry => !frame.is_empty() && !tracks.has_transform(frame),
                 Kind::Pose => false,
             };
-            if is_old && moves && !stamps.is_mixed && begins.is_none() {
-                begins = back_ns.map(|back_ns| (frame, back_ns));
+            let is_behind = |stamp: Stamp| stamp.after_ns(BEGINS_AGAIN_NS) < tracks.clock().at(log_time);
+            let begins_again = is_old && moves && is_of_epoch && !stamps.is_mixed;
+            if begins_again && begins.is_none() && stamp.is_some_and(is_behind) {
+                begins = Some((frame, back_ns));
             }
         }
         if let Some((frame, back_ns)) = begins.filter(|_| self.past.len() + 1 < MOST_EPOCHS) {
@@ -147,7 +159,7 @@ impl Epochs {
         take_lasting(trees.iter_mut().rev());
         for (epoch, tree) in self.past.iter_mut().chain(once(&mut self.current)).zip(trees) {
             epoch.tree = Arc::new(tree);
-            epoch.clock = Arc::new(epoch.tracks.clock());
+            epoch.clock = Arc::new(epoch.tracks.clock().clone());
             epoch.is_shared = true;
         }
     }
@@ -173,14 +185,13 @@ impl Epochs {
     }
 }
 
-/// Gives each tree, of frames that have no transform in it, the lasting transforms of the trees before it.
+/// Gives each tree, of frames that have no transform in it, the lasting transforms of the trees before it, up to a tree that
+/// moves the frame.
 fn take_lasting<'a>(trees: impl Iterator<Item = &'a mut TransformTree>) {
     let mut known = TransformTree::new();
     for tree in trees {
-        let mut lasting = tree.lasting();
         tree.take_missing(&known);
-        lasting.take_missing(&known);
-        known = lasting;
+        known = tree.lasting();
     }
 }
 
@@ -193,21 +204,23 @@ enum Kind {
 }
 
 /// The frames of a message with transforms or a pose, with their stamps.
-fn stamps_of(message: &AnyMessage) -> Vec<(&str, Kind, Option<Stamp>)> {
-    if let Some(list) = message.get::<foxglove::FrameTransforms>() {
-        list.transforms.iter().map(stamp_of).collect()
-    } else if let Some(transform) = message.get::<foxglove::FrameTransform>() {
-        vec![stamp_of(transform)]
-    } else if let Some(odometry) = message.get::<foxglove::Odometry>() {
-        let stamp = odometry.timestamp.as_ref().and_then(Stamp::from_proto);
-        vec![(frame_name(&odometry.body_frame_id), Kind::Odometry, stamp)]
+fn stamps_of(message: &AnyMessage) -> impl Iterator<Item = (&str, Kind, Option<Stamp>)> {
+    let list = message.get::<foxglove::FrameTransforms>().map(|list| list.transforms.as_slice());
+    let transforms = list.or_else(|| message.get::<foxglove::FrameTransform>().map(std::slice::from_ref));
+    let pose = if transforms.is_none() { pose_stamp_of(message) } else { None };
+    transforms.unwrap_or_default().iter().map(stamp_of).chain(pose)
+}
+
+/// The frame that a message with a pose moves (empty if it moves none), with its stamp.
+fn pose_stamp_of(message: &AnyMessage) -> Option<(&str, Kind, Option<Stamp>)> {
+    let (frame, kind, stamp) = if let Some(odometry) = message.get::<foxglove::Odometry>() {
+        (frame_name(&odometry.body_frame_id), Kind::Odometry, &odometry.timestamp)
     } else if let Some(pose) = message.get::<foxglove::PoseInFrame>() {
-        vec![("", Kind::Pose, pose.timestamp.as_ref().and_then(Stamp::from_proto))]
-    } else if let Some(fix) = message.get::<foxglove::LocationFix>() {
-        vec![("", Kind::Pose, fix.timestamp.as_ref().and_then(Stamp::from_proto))]
+        ("", Kind::Pose, &pose.timestamp)
     } else {
-        Vec::new()
-    }
+        ("", Kind::Pose, &message.get::<foxglove::LocationFix>()?.timestamp)
+    };
+    Some((frame, kind, stamp.as_ref().and_then(Stamp::from_proto)))
 }
 
 fn stamp_of(transform: &foxglove::FrameTransform) -> (&str, Kind, Option<Stamp>) {
@@ -224,6 +237,8 @@ struct Stamps {
     newest: Stamp,
     /// The newest stamp before they last went back.
     before: Option<Stamp>,
+    /// Log time and stamp of the last message before they last leapt ahead, until they go back.
+    leapt_from: Option<(Stamp, Stamp)>,
     /// Log time since which they are not those of before: when they last went back, or were first 0 before that.
     new_since: Option<Stamp>,
     /// Whether the last message states no stamp, after others that did.
@@ -242,18 +257,25 @@ impl Stamps {
             return None;
         };
         let was_unstated = std::mem::take(&mut self.is_unstated);
-        let Some((last_time, last)) = self.last.replace((log_time, stamp)) else {
+        let Some(last) = self.last.replace((log_time, stamp)) else {
             self.newest = stamp;
             return None;
         };
-        let expected = last.after_ns(log_time.0.saturating_sub(last_time.0));
-        let leaps = stamp > expected.after_ns(BEGINS_AGAIN_NS);
-        self.is_mixed |= leaps && self.before.is_some_and(|before| stamp >= before);
+        let expected = |(time, stamp): (Stamp, Stamp)| stamp.after_ns(log_time.0.saturating_sub(time.0));
+        if stamp > expected(last).after_ns(BEGINS_AGAIN_NS) {
+            self.leapt_from = Some(last);
+            self.is_mixed |= self.before.is_some_and(|before| stamp >= before);
+        }
         if stamp.after_ns(BEGINS_AGAIN_NS) >= self.newest {
             self.newest = self.newest.max(stamp);
             return None;
         }
         let newest = std::mem::replace(&mut self.newest, stamp);
+        let goes_on = |from| expected(from).0.abs_diff(stamp.0) <= BEGINS_AGAIN_NS;
+        if self.leapt_from.take().is_some_and(goes_on) {
+            // Those since the leap were wrong, or of another clock.
+            return None;
+        }
         self.before = Some(newest);
         if !was_unstated {
             self.new_since = Some(log_time);

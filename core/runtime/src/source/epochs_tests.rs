@@ -137,3 +137,44 @@ fn a_transform_that_was_sent_once_holds_in_every_run_of_the_clock_and_one_that_m
     assert_eq!(seen(10), [Some(1010.0), Some(2.0), Some(10.0)]);
     assert_eq!(seen(35), [Some(1110.0), Some(2.0), None]);
 }
+
+#[test]
+fn a_frame_that_comes_later_in_a_run_of_the_clock_begins_no_other_one() {
+    let mut messages = restarted();
+    for (run, i) in [0, 1].into_iter().flat_map(|run| (10..20).map(move |i| (run, i))) {
+        messages.push((T0 + (25 * run + i) * S, "/tf", transform("map", "odom", i * S, 1000.0)));
+    }
+    // It is sent rarely, and hears of the new time late.
+    messages.push((T0 + 26 * S + 500, "/joints", transform("base", "arm", 26 * S, 1.0)));
+    messages.push((T0 + 33 * S + 500, "/joints", transform("base", "arm", 8 * S, 1.0)));
+    assert_eq!(epochs(messages).past.len(), 1);
+}
+
+#[test]
+fn stamps_that_are_too_far_ahead_begin_nothing_and_hide_no_new_run() {
+    let mut messages = restarted();
+    messages.push((T0 + 5 * S + S / 2, "/tf", transform("odom", "base", 3600 * S, 0.0)));
+    let ahead_once = epochs(messages);
+    assert_eq!((ahead_once.past.len(), ahead_once.doubts().len()), (1, 1));
+    assert!(ahead_once.doubts()[0].contains("at 25.0 s"), "{:?}", ahead_once.doubts());
+    // A node without simulated time is started later than one that has it.
+    let tf = |log_ns: u64, stamp_ns: u64| (log_ns, "/tf", transform("odom", "base", stamp_ns, 0.0));
+    let simulated = (0..100).map(|i| tf(T0 + i * S, (1 + i) * S));
+    let of_wall = (50..100).map(|i| T0 + i * S + S / 2).map(|ns| tf(ns, ns));
+    assert!(epochs(simulated.chain(of_wall).collect()).past.is_empty());
+}
+
+#[test]
+fn a_transform_that_was_sent_once_does_not_hold_after_a_run_that_moves_its_frame() {
+    let mut messages = Vec::new();
+    for (run, i) in (0..3).flat_map(|run| (1..20).map(move |i| (run, i))) {
+        let log_ns = T0 + (25 * run + i) * S;
+        messages.push((log_ns, "/tf", transform("odom", "base", i * S, 0.0)));
+        if run == 1 || (run == 0 && i == 3) {
+            messages.push((log_ns, "/tf", transform("base", "arm", i * S, i as f64)));
+        }
+    }
+    let epochs = epochs(messages);
+    let arm = [10, 35, 60].map(|log_s| x_at(&epochs, "base", "arm", log_s));
+    assert_eq!((epochs.past.len(), arm), (2, [Some(3.0), Some(10.0), None]));
+}

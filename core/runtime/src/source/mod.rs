@@ -7,6 +7,7 @@
 mod beside;
 mod compared;
 mod comparison;
+mod control;
 mod driver;
 mod entities;
 mod epochs;
@@ -32,7 +33,8 @@ mod tracks;
 mod transform_clock;
 
 pub use compared::{Compared, Comparison};
-pub use driver::{Control, Driver};
+pub use control::Control;
+pub use driver::Driver;
 pub use entities::{Entities, Entity};
 pub use events::{Event, EventKind, EventLevel, Events};
 pub use fields::{FieldPoint, FieldSeries, exact_points, moments, points_of, read_fields, series_of};

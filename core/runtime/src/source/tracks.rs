@@ -379,8 +379,8 @@ impl Tracks {
     }
 
     /// The clock of [`Tracks::tree`]: that of the messages with transforms, or without any, of the odometry.
-    pub(crate) fn clock(&self) -> TransformClock {
-        if self.clock.is_empty() { self.implied_clock.clone() } else { self.clock.clone() }
+    pub(crate) fn clock(&self) -> &TransformClock {
+        if self.clock.is_empty() { &self.implied_clock } else { &self.clock }
     }
 }
 
