@@ -290,7 +290,7 @@ fn all_markers_are_deleted_or_from_humble_on_those_of_a_namespace() {
     let add = |namespace: &'static str, id: i32| Marker { namespace, id, ..Marker::of(1).alone() };
     let delete_all = |namespace: &'static str| Marker { action: 3, ..add(namespace, 0) };
     let check = |rest: &str, namespace: &'static str, expect: &[&str], kind: i32, of: &str| {
-        let first = [add("plan", 1), add("plan/near", 2), add("goal", 3)];
+        let first = [add("plan", 1), add("plan", -1), add("plan/near", 2), add("goal", 3)];
         let markers: Vec<Marker> = first.into_iter().chain([delete_all(namespace), add("plan", 4)]).collect();
         let update = array(rest, &markers);
         let ids: Vec<&str> = update.entities.iter().map(|entity| entity.id.as_str()).collect();

@@ -2,8 +2,9 @@
 //!
 //! The age of a message is its `log_time` less the time at which what it tells of was sensed: its `publish_time` where this
 //! program has recorded it, else its own stamp, else its `publish_time`, unless that repeats the `log_time`. Where there is
-//! none of them, or the stamps are of another clock than the log time, a buffer has no age, and the reason is said. A hop is
-//! from a process's input to its output: messages belong together that tell of the same moment.
+//! none of them, or the stamps are after the log time or long before it, as those of another clock are, a buffer has no age,
+//! and the reason is said. A hop is from a process's input to its output: messages belong together that tell of the same
+//! moment.
 //!
 //! A buffer with several writers does not say which of them wrote a message. Each process publishes what it wrote, and
 //! then its status, at one time: the writer is the one whose status comes next.
@@ -19,13 +20,15 @@ use rcs_runtime::states_acquisition;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::ops::RangeInclusive;
 
 /// Moments of one buffer that are remembered to find where an output came from.
 const MOMENTS: usize = 20_000;
-/// Ages between which the median of a buffer lies if its stamps and the log time are of one clock, ms: from a second in the
-/// future to an hour.
-const OF_ONE_CLOCK_MS: RangeInclusive<f64> = -1e3..=3.6e6;
+/// Least age that the median of a buffer can be, ms: a second in the future.
+const LEAST_MS: f64 = -1e3;
+/// Greatest age that the median of a buffer can be, ms: an hour; a year where there is a single message, which may be from
+/// when the robot was started, such as a map.
+const MOST_MS: f64 = 3.6e6;
+const MOST_OF_ONE_MS: f64 = 365.0 * 24.0 * 3.6e6;
 
 /// `ocu latency --json`.
 #[derive(Debug, Serialize)]
@@ -64,20 +67,27 @@ struct Spread {
 
 impl Spread {
     /// Of the durations of those of so many messages that have one, in nanoseconds.
-    fn new(messages: usize, durations_ns: &[i64]) -> Self {
+    fn of_durations(messages: usize, durations_ns: &[i64]) -> Self {
         let mut sorted = durations_ns.to_vec();
         sorted.sort_unstable();
         let at = |percent: usize| {
             let index = (sorted.len() * percent).div_ceil(100).saturating_sub(1);
             sorted.get(index).map(|&ns| ns as f64 * 1e-6)
         };
-        let reason = match at(50) {
-            None => Some("no stamp"),
-            Some(median_ms) if !OF_ONE_CLOCK_MS.contains(&median_ms) => Some("stamps of another clock"),
-            Some(_) => None,
+        Self { messages, p50_ms: at(50), p95_ms: at(95), max_ms: at(100), reason: None }
+    }
+
+    /// Of the ages of those of so many messages that have a stamp, in nanoseconds; unknown where they cannot be ages.
+    fn of_ages(messages: usize, ages_ns: &[i64]) -> Self {
+        let spread = Self::of_durations(messages, ages_ns);
+        let most_ms = if ages_ns.len() > 1 { MOST_MS } else { MOST_OF_ONE_MS };
+        let reason = match spread.p50_ms {
+            None => "no stamp",
+            Some(median_ms) if median_ms < LEAST_MS => "stamps after the log time",
+            Some(median_ms) if median_ms > most_ms => "stamps more than an hour before the log time",
+            Some(_) => return spread,
         };
-        let known = |percent: usize| at(percent).filter(|_| reason.is_none());
-        Self { messages, p50_ms: known(50), p95_ms: known(95), max_ms: known(100), reason }
+        Self { messages, p50_ms: None, p95_ms: None, max_ms: None, reason: Some(reason) }
     }
 }
 
@@ -232,7 +242,7 @@ impl Ages {
     }
 
     fn report(&self) -> Report {
-        let of_hop = |took: &Vec<i64>| Spread::new(took.len(), took);
+        let of_hop = |took: &Vec<i64>| Spread::of_durations(took.len(), took);
         let hops = |key: &(String, String)| {
             let of = self.hops.iter().filter(|((buffer, writer, _), _)| (buffer, writer) == (&key.0, &key.1));
             of.map(|((_, _, from), took)| HopReport { from: from.clone(), took: of_hop(took) }).collect()
@@ -240,7 +250,7 @@ impl Ages {
         let buffer = |(key, counted): (&(String, String), &Counted)| BufferReport {
             buffer: key.0.clone(),
             writer: key.1.clone(),
-            age: Spread::new(counted.messages, &counted.ages_ns),
+            age: Spread::of_ages(counted.messages, &counted.ages_ns),
             hops: hops(key),
         };
         Report { buffers: self.buffers.iter().map(buffer).collect() }
@@ -301,7 +311,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn an_age_that_no_stamp_of_the_clock_of_the_log_tells_is_null_and_has_a_reason() {
+    fn an_age_that_no_stamp_near_the_log_time_tells_is_null_and_has_a_reason() {
         const S: u64 = 1_000_000_000;
         let image = |stamp_ns: u64| {
             AnyMessage::new(RawImage { timestamp: Some(Stamp(stamp_ns).to_proto()), ..RawImage::default() })
@@ -311,19 +321,35 @@ mod tests {
             ("/ahead", image(now.0 + 2 * S)),
             ("/bare", AnyMessage::new(Vector2::default())),
             ("/boot", image(5 * S)),
+            ("/late", image(now.0 - 7_200 * S)),
+            ("/late", image(now.0 - 7_200 * S)),
+            // Sent when the robot was started.
+            ("/map", image(now.0 - 7_200 * S)),
             ("/own", image(now.0 - S / 8)),
             ("/zero", image(0)),
         ];
-        let images = ["/ahead", "/boot", "/own", "/zero"].map(|topic| (topic, schema_of::<RawImage>()));
+        let images = ["/ahead", "/boot", "/late", "/map", "/own", "/zero"];
+        let images = images.map(|topic| (topic, schema_of::<RawImage>()));
         let topics = [&images[..], &[("/bare", schema_of::<Vector2>())]].concat();
         let log = hand_made(&topics, messages.iter().map(|(topic, message)| (now, *topic, message)));
         let report = Ages::of(&log).unwrap().report();
         let of = |buffer: &BufferReport| serde_json::to_value(&buffer.age).unwrap();
         let ages: Vec<_> = report.buffers.iter().map(of).collect();
-        let unknown = |reason: &str| json!({ "messages": 1, "p50_ms": null, "p95_ms": null, "max_ms": null, "reason": reason });
-        let known = json!({ "messages": 1, "p50_ms": 125.0, "p95_ms": 125.0, "max_ms": 125.0 });
-        let (other, none) = (unknown("stamps of another clock"), unknown("no stamp"));
-        assert_eq!(ages, [other.clone(), none.clone(), other, known, none]);
+        let unknown = |messages: usize, reason: &str| json!({ "messages": messages, "p50_ms": null, "p95_ms": null, "max_ms": null, "reason": reason });
+        let known = |ms: f64| json!({ "messages": 1, "p50_ms": ms, "p95_ms": ms, "max_ms": ms });
+        let before = "stamps more than an hour before the log time";
+        let expect = [
+            unknown(1, "stamps after the log time"),
+            unknown(1, "no stamp"),
+            unknown(1, before),
+            unknown(2, before),
+            known(7_200_000.0),
+            known(125.0),
+            unknown(1, "no stamp"),
+        ];
+        assert_eq!(ages, expect);
+        // A process may hold what it was told for hours.
+        assert_eq!(Spread::of_durations(2, &[7_200_000_000_000; 2]).p50_ms, Some(7_200_000.0));
         let mut out = Vec::new();
         human(&report, &mut out).unwrap();
         let out = String::from_utf8(out).unwrap();
@@ -331,7 +357,7 @@ mod tests {
             let line = out.lines().find(|line| line.starts_with(buffer)).unwrap();
             line.split_whitespace().collect::<Vec<_>>().join(" ")
         };
-        assert_eq!(line("/boot"), "/boot 1 – – – stamps of another clock");
+        assert_eq!(line("/boot"), "/boot 1 – – – stamps more than an hour before the log time");
         assert_eq!(line("/own"), "/own 1 125.0 ms 125.0 ms 125.0 ms");
     }
 

@@ -4,6 +4,8 @@
 use crate::layout::{Layout, Node};
 use ocu_views::{RunChoice, SavedState, TopicKey, cameras, operator};
 use rcs_runtime::source::{Frame, SourceKind, Topic};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Most cameras that a layout shows at once.
 const MOST_CAMERAS: usize = 4;
@@ -115,23 +117,59 @@ impl Content {
     }
 }
 
-/// The layout with an image of this source in each camera view that names none of its images: a camera that no view names,
-/// and where there is none left, the first image.
+/// The layout with images of this source in the camera views that name topics it does not have. A view for which there is
+/// no image says what is missing.
 pub(crate) fn with_images_of(mut layout: Layout, frame: &Frame) -> Layout {
     let mut views = Vec::new();
     camera_views(&mut layout.root, &mut views);
-    let named: Vec<&str> = views.iter().filter_map(|(state, _)| named_topic(state)).collect();
-    let mut free: Vec<TopicKey> = cameras(frame);
-    free.retain(|key| !named.contains(&key.name.as_str()));
-    let mut free = free.into_iter();
+    let named = views.iter().filter_map(|(state, _)| named_topic(state).map(str::to_owned));
+    let images = replacements(&named.collect::<Vec<_>>(), frame);
     for (state, id) in views {
-        if named_topic(state).is_some_and(|name| frame.topic(name).is_none()) {
-            state["topic"] = serde_json::json!(free.next());
+        if let Some(image) = named_topic(state).and_then(|name| images.get(name)) {
+            state["topic"] = serde_json::json!(image);
             // A view that is open would keep what it shows.
             *id = 0;
         }
     }
     layout
+}
+
+/// An image for each name of which the source has no topic, as far as there are images that nobody names: those whose
+/// names end most alike first; then the next camera, because a depth image or labels show something else.
+fn replacements(named: &[String], frame: &Frame) -> BTreeMap<String, TopicKey> {
+    let cameras = cameras(frame);
+    let is_image = |topic: &&Topic| {
+        matches!(topic.type_name(), "foxglove.RawImage" | "foxglove.CompressedImage")
+            && !topic.is_ground_truth()
+    };
+    let others = frame.topics.iter().filter(is_image).map(TopicKey::of);
+    let images: Vec<TopicKey> = cameras.iter().cloned().chain(others).collect();
+    let missing: Vec<&str> =
+        named.iter().map(String::as_str).filter(|name| frame.topic(name).is_none()).collect();
+    let mut alike: Vec<(usize, &str, &TopicKey)> = Vec::new();
+    for name in &missing {
+        alike.extend(images.iter().map(|image| (common_end(name, &image.name), *name, image)));
+    }
+    alike.retain(|(parts, ..)| *parts > 0);
+    // Of several that are as much alike, a camera comes first.
+    alike.sort_by_key(|(parts, ..)| Reverse(*parts));
+    let next = missing.iter().flat_map(|name| cameras.iter().map(move |image| (*name, image)));
+    let mut taken: BTreeSet<&str> = named.iter().map(String::as_str).collect();
+    let mut found: BTreeMap<String, TopicKey> = BTreeMap::new();
+    for (name, image) in alike.iter().map(|(_, name, image)| (*name, *image)).chain(next) {
+        if !found.contains_key(name) && taken.insert(&image.name) {
+            found.insert(name.to_owned(), image.clone());
+        }
+    }
+    found
+}
+
+/// In how many parts between slashes two names agree from their end. The kind of message, such as `image_raw` and
+/// `compressed`, is no part of the name of a camera.
+fn common_end(a: &str, b: &str) -> usize {
+    let is_own = |part: &&str| !(part.starts_with("image") || part.starts_with("compressed"));
+    let [a, b] = [a, b].map(|name| name.trim_start_matches('/').rsplit('/').filter(is_own));
+    a.zip(b).take_while(|(a, b)| a == b).count()
 }
 
 /// The states and identities of all camera views.
@@ -208,27 +246,61 @@ mod tests {
         frame
     }
 
+    /// A layout with a camera view for each name, whose identities are 7, 8, …
+    fn with_cameras(names: &[&str]) -> Layout {
+        let view = |(name, id): (&&str, u64)| {
+            let state = serde_json::json!({ "topic": { "name": name }, "depth_step_m": 0.002 });
+            (1.0, Node::View { kind: "camera".to_owned(), state, run: RunChoice::Shown, id })
+        };
+        Layout { root: Node::Row(names.iter().zip(7..).map(view).collect()), ..Layout::empty() }
+    }
+
+    /// What the camera views of a layout show, and their identities.
+    fn shown(mut layout: Layout) -> Vec<(String, u64)> {
+        let mut views = Vec::new();
+        camera_views(&mut layout.root, &mut views);
+        let of = |(state, id): &(&mut SavedState, &mut u64)| {
+            assert_eq!(state["depth_step_m"], 0.002);
+            (named_topic(state).unwrap().to_owned(), **id)
+        };
+        views.iter().map(of).collect()
+    }
+
     #[test]
     fn a_layout_that_was_kept_for_a_source_with_other_cameras_shows_those_of_this_one() {
-        let frame = log(2, false);
-        let view = |name: &str, id: u64| {
-            let state = serde_json::json!({ "topic": { "name": name }, "depth_step_m": 0.002 });
-            Node::View { kind: "camera".to_owned(), state, run: RunChoice::Shown, id }
-        };
-        let shown = |names: [&str; 3]| {
-            let parts = names.into_iter().zip(7..).map(|(name, id)| (1.0, view(name, id)));
-            let mut layout =
-                with_images_of(Layout { root: Node::Row(parts.collect()), ..Layout::empty() }, &frame);
-            let mut views = Vec::new();
-            camera_views(&mut layout.root, &mut views);
-            let of = |(state, id): &(&mut SavedState, &mut u64)| {
-                assert_eq!(state["depth_step_m"], 0.002);
-                (named_topic(state).map(str::to_owned), **id)
+        let layout = with_cameras(&["/left", "/cam0", "/right"]);
+        let expect = [("/cam1", 0), ("/cam0", 8), ("/right", 9)].map(|(name, id)| (name.to_owned(), id));
+        assert_eq!(shown(with_images_of(layout, &log(2, false))), expect);
+    }
+
+    #[test]
+    fn images_that_are_named_alike_take_the_place_of_each_other_and_give_it_back() {
+        let (base, image) = (log(0, false), schema_of::<foxglove::RawImage>());
+        let source = |names: &[&str]| {
+            let topic = |name: &&str| {
+                let mut topic = Topic::new(name, RunTag::Recorded, Arc::clone(image));
+                if name.contains("depth") {
+                    let role = ("rcs.role".to_owned(), "depth".to_owned());
+                    topic.metadata = Arc::new(BTreeMap::from([role]));
+                }
+                topic
             };
-            views.iter().map(of).collect::<Vec<_>>()
+            Frame { topics: names.iter().map(topic).collect(), ..base.clone() }
         };
-        let is = |name: &str, id: u64| (Some(name.to_owned()), id);
-        assert_eq!(shown(["/left", "/cam0", "/right"]), [is("/cam1", 0), is("/cam0", 8), (None, 0)]);
+        let names = |layout: &Layout| {
+            shown(layout.clone()).into_iter().map(|(name, _)| name).collect::<Vec<String>>()
+        };
+        let a = source(&["/a/left/image", "/a/right/image", "/a/depth/image"]);
+        let b = source(&["/b/left/image_raw", "/b/right/image_raw", "/b/depth/image_rect"]);
+        // The tiles were exchanged.
+        let own = with_cameras(&["/a/right/image", "/a/left/image", "/a/depth/image"]);
+        let in_b = with_images_of(own.clone(), &b);
+        assert_eq!(names(&in_b), ["/b/right/image_raw", "/b/left/image_raw", "/b/depth/image_rect"]);
+        assert_eq!(names(&with_images_of(in_b, &a)), names(&own));
+        // No depth image takes the place of a camera, and what is missing stays named.
+        let c = source(&["/cam0", "/c/depth/image"]);
+        let in_c = with_images_of(with_cameras(&["/a/left/image", "/a/right/image"]), &c);
+        assert_eq!(names(&in_c), ["/cam0", "/a/right/image"]);
     }
 
     #[test]

@@ -321,6 +321,28 @@ fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
 }
 
 #[test]
+fn a_kept_arrangement_shows_the_images_of_another_recording_and_stays_kept_as_it_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let camera = |name: &str| {
+        let state = serde_json::json!({ "topic": { "name": name } });
+        (1.0_f32, Node::View { kind: "camera".to_owned(), state, run: RunChoice::Shown, id: 0 })
+    };
+    let root = Node::Row(["/front/right", "/front/left"].map(camera).into());
+    let layout = Layout { name: "recording with 2 cameras".to_owned(), root, ..Layout::empty() };
+    let kept = dir.path().join("data/layouts/recording_with_2_cameras.ron");
+    layout.save(&kept).unwrap();
+    let written = std::fs::read_to_string(&kept).unwrap();
+    let data_dir = Some(dir.path().join("data"));
+    let mut harness = harness(Options { request: sample(dir.path()), layout: None, data_dir });
+    wait_for(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    harness.run_steps(2);
+    let left_of = |name: &str| harness.get_by_label(name).rect().left();
+    assert!(left_of("Image of /camera/right") < left_of("Image of /camera/left"));
+    harness.state_mut().as_mut().unwrap().keep_layout();
+    assert_eq!(std::fs::read_to_string(&kept).unwrap(), written);
+}
+
+#[test]
 fn a_change_of_the_layout_that_was_undone_is_undone_at_the_next_start_too() {
     let dir = tempfile::tempdir().unwrap();
     let data_dir = Some(dir.path().join("data"));

@@ -10,6 +10,10 @@ use std::ops::Range;
 
 /// Number of pixels from which percentiles are taken.
 const SAMPLE: usize = 20_000;
+/// Number of grey levels of 16 bits.
+const GREYS: u32 = 1 << 16;
+/// Fewest grey levels from black to white.
+const FEWEST_GREYS: u32 = 256;
 
 /// The meaning of the pixels of an image.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,22 +55,27 @@ pub(crate) enum Tint {
     Cost(MapPalette),
 }
 
-/// Decodes a `foxglove.RawImage` or `foxglove.CompressedImage`; the error says why it cannot be decoded.
-pub(crate) fn decode(message: &AnyMessage) -> Result<DecodedImage, String> {
+/// Decodes a `foxglove.RawImage` or `foxglove.CompressedImage`; the error says why it cannot be decoded. `greys` are the
+/// grey levels of 16 bits that the image before it showed, which are kept where they still fit.
+pub(crate) fn decode(message: &AnyMessage, greys: Option<&Range<u32>>) -> Result<DecodedImage, String> {
     if let Some(raw) = message.get::<RawImage>() {
-        return image(raw, raw.encoding.clone()).map_err(|error| error.to_string());
+        return image(raw, raw.encoding.clone(), greys).map_err(|error| error.to_string());
     }
     let Some(compressed) = message.get::<CompressedImage>() else {
         return Err(format!("{} is no image", message.schema().name()));
     };
     let raw = image::decompress(compressed).map_err(|error| error.to_string())?;
-    image(&raw, compressed.format.clone()).map_err(|error| error.to_string())
+    image(&raw, compressed.format.clone(), greys).map_err(|error| error.to_string())
 }
 
-fn image(raw: &RawImage, mut encoding: String) -> Result<DecodedImage, ImageError> {
+fn image(
+    raw: &RawImage,
+    mut encoding: String,
+    greys: Option<&Range<u32>>,
+) -> Result<DecodedImage, ImageError> {
     let pixels = match raw.encoding.as_str() {
         "mono16" => {
-            let (values, shown) = grey16(raw)?;
+            let (values, shown) = grey16(raw, greys)?;
             encoding = format!("{encoding}, black {}, white {}", shown.start, shown.end - 1);
             Pixels::Greys { values, shown }
         }
@@ -83,11 +92,13 @@ fn image(raw: &RawImage, mut encoding: String) -> Result<DecodedImage, ImageErro
 }
 
 /// Grey levels of a `mono16` image, and those that are shown from black to white: from the 1st to the 99th percentile,
-/// and at least 256 levels, so that the noise of an even image stays faint. The ends are rounded outwards to an eighth of
-/// that range, a power of two: the brightness seldom changes between images, and not at all while they use all levels
-/// that the camera has.
-fn grey16(raw: &RawImage) -> Result<(Vec<u16>, Range<u32>), ImageError> {
-    const LEAST: u32 = 256;
+/// and not too few, so that the noise of an even image stays faint. The ends are rounded outwards to an eighth of that
+/// range, a power of two: the brightness does not change while images use all levels that the camera has.
+///
+/// The levels that were shown before (`last`) stay while the percentiles lie within half such a step of them, and while
+/// they are neither fewer than half of the range nor more than twice as many: so nothing flickers where a percentile
+/// wavers about a step. After a jump in time, an image may thus be shown with the levels of where the jump began.
+fn grey16(raw: &RawImage, last: Option<&Range<u32>>) -> Result<(Vec<u16>, Range<u32>), ImageError> {
     // A value of 0 is read as NaN, which the cast takes to 0.
     let values: Vec<u16> = image::depth_m(raw, 1.0)?.into_iter().map(|value| value as u16).collect();
     let stride = (values.len() / SAMPLE).max(1);
@@ -97,14 +108,25 @@ fn grey16(raw: &RawImage) -> Result<(Vec<u16>, Range<u32>), ImageError> {
     let at = |index: usize| sample.get(index).map_or(0, |value| u32::from(*value));
     let (low, high) = (at(beyond), at(sample.len().saturating_sub(beyond + 1)));
     let levels = high + 1 - low;
-    let range = levels.max(LEAST);
+    let range = levels.max(FEWEST_GREYS);
     let low = low.saturating_sub((range - levels) / 2);
+    let end = (low + range).min(GREYS);
     let step = (range / 8).next_power_of_two();
-    let shown = low / step * step..(low + range).div_ceil(step) * step;
-    Ok((values, shown))
+    let fits = |last: &&Range<u32>| {
+        let is_near = low + step / 2 >= last.start && end <= last.end + step / 2;
+        is_near && (range / 2..=2 * range).contains(&(last.end - last.start))
+    };
+    let rounded = low / step * step..end.next_multiple_of(step);
+    Ok((values, last.filter(fits).cloned().unwrap_or(rounded)))
 }
 
 impl DecodedImage {
+    /// The grey levels of 16 bits that are shown from black to white; `None` of other images.
+    pub(crate) fn grey_range(&self) -> Option<Range<u32>> {
+        let Pixels::Greys { shown, .. } = &self.pixels else { return None };
+        Some(shown.clone())
+    }
+
     /// The 2nd and 98th percentile of the values, used as the colour range. `None` without values.
     pub(crate) fn value_range(&self) -> Option<[f32; 2]> {
         let Pixels::Values { values, .. } = &self.pixels else { return None };
@@ -182,7 +204,7 @@ mod tests {
     }
 
     fn decoded(encoding: &str, width: u32, height: u32, data: &[u8]) -> Result<DecodedImage, String> {
-        decode(&AnyMessage::new(raw(encoding, width, height, data.len() as u32 / height.max(1), data)))
+        decode(&AnyMessage::new(raw(encoding, width, height, data.len() as u32 / height.max(1), data)), None)
     }
 
     #[test]
@@ -233,6 +255,26 @@ mod tests {
     }
 
     #[test]
+    fn grey_levels_stay_while_percentiles_waver_and_follow_larger_changes() {
+        let shown = |values: &[u16], last: Option<&Range<u32>>| {
+            let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+            let raw = raw("mono16", values.len() as u32, 1, bytes.len() as u32, &bytes);
+            decode(&AnyMessage::new(raw), last).unwrap().grey_range().unwrap()
+        };
+        let between = |low: u16, high: u16| -> Vec<u16> { (low..=high).step_by(10).collect() };
+        // The 1st percentiles are 7170 and 7166, and a step is at 7168.
+        let (above, below) = (between(7160, 9000), between(7156, 9000));
+        let first = shown(&above, None);
+        assert_eq!([first.start, shown(&below, None).start], [7168, 6912]);
+        assert_eq!(shown(&below, Some(&first)), first);
+        for other in [between(20_000, 22_000), between(7500, 8000), between(7160, 20_000)] {
+            assert_eq!(shown(&other, Some(&first)), shown(&other, None));
+        }
+        // No level is beyond the last one of 16 bits.
+        assert_eq!(shown(&[65_535; 200], None).end, 65_536);
+    }
+
+    #[test]
     fn what_is_near_has_one_colour_in_ranges_and_in_disparities() {
         let bytes: Vec<u8> = [3.0_f32, 46.0].iter().flat_map(|value| value.to_le_bytes()).collect();
         let image = decoded("32FC1", 2, 1, &bytes).unwrap();
@@ -259,10 +301,9 @@ mod tests {
         assert!(decoded("rgb8", 4, 1, &[0; 3]).is_err());
         let broken =
             CompressedImage { format: "jpeg".into(), data: vec![1, 2, 3].into(), ..Default::default() };
-        assert!(decode(&AnyMessage::new(broken)).is_err());
-        assert!(
-            decode(&AnyMessage::new(rcs_msg::foxglove::Vector2::default())).unwrap_err().contains("no image")
-        );
+        assert!(decode(&AnyMessage::new(broken), None).is_err());
+        let vector = AnyMessage::new(rcs_msg::foxglove::Vector2::default());
+        assert!(decode(&vector, None).unwrap_err().contains("no image"));
     }
 
     #[test]

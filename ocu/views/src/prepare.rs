@@ -95,11 +95,30 @@ where
     K: PartialEq + Send + Sync + 'static,
     V: Send + Sync + 'static,
 {
-    let Some(threads) = threads(ctx) else { return Some(shared(ctx, slot, key, make)) };
+    prepared_after(ctx, slot, key, |_| make())
+}
+
+/// As [`prepared`], of a value that also depends on the last one of the slot, if there is one.
+pub(crate) fn prepared_after<K, V>(
+    ctx: &Context,
+    slot: Id,
+    key: K,
+    make: impl FnOnce(Option<Arc<V>>) -> V + Send + 'static,
+) -> Option<Arc<V>>
+where
+    K: PartialEq + Send + Sync + 'static,
+    V: Send + Sync + 'static,
+{
+    let Some(threads) = threads(ctx) else {
+        let last = with(ctx, slot, |slot: &mut Slot<K, V>| slot.value());
+        return Some(shared(ctx, slot, key, || make(last)));
+    };
     let (value, former, work) = with(ctx, slot, |slot: &mut Slot<K, V>| {
         let former = slot.take_finished(&key);
-        let work = slot.ask(key, Box::new(make));
-        (slot.ready.as_ref().and_then(|(_, value)| value.clone()), former, work)
+        let value = slot.value();
+        let last = value.clone();
+        let work = slot.ask(key, Box::new(move || make(last)));
+        (value, former, work)
     });
     // Freeing an image takes as long as painting a button.
     if let Some(former) = former {
@@ -191,6 +210,11 @@ impl<K, V> Default for Slot<K, V> {
 impl<K: PartialEq, V> Slot<K, V> {
     fn is_ready(&self, key: &K) -> bool {
         self.ready.as_ref().is_some_and(|(ready, _)| ready == key)
+    }
+
+    /// The finished value, of whichever key.
+    fn value(&self) -> Option<Arc<V>> {
+        self.ready.as_ref()?.1.clone()
     }
 
     fn value_for(&self, key: &K) -> Option<Arc<V>> {
@@ -356,6 +380,18 @@ mod tests {
             last = shown;
             last > 20
         });
+    }
+
+    #[test]
+    fn a_value_may_depend_on_the_last_one() {
+        let one_more = |last: Option<Arc<u32>>| last.map_or(1, |last| *last + 1);
+        for ctx in [Context::default(), started()] {
+            for key in 1..=3 {
+                let ask = || prepared_after(&ctx, Id::unique(SLOT), key, one_more).map(|value| *value);
+                until(|| ask() == Some(key));
+                assert_eq!(ask(), Some(key), "it is made once");
+            }
+        }
     }
 
     #[test]

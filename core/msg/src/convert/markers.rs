@@ -92,36 +92,38 @@ struct Update {
     deletions: Vec<SceneEntityDeletion>,
     /// `None` in place of one that was deleted or replaced.
     entities: Vec<Option<SceneEntity>>,
-    by_id: BTreeMap<String, usize>,
+    /// Indices of the entities that are there, by namespace and number.
+    indices: BTreeMap<(String, i32), usize>,
 }
 
 impl Update {
     fn add(&mut self, marker: Marker, edition: Edition) {
+        let key = (marker.namespace.clone(), marker.id);
         let id = format!("{}/{}", marker.namespace, marker.id);
         match marker.action {
             // `ADD` and `MODIFY` are the same; 1 is out of use.
             0 | 1 => {
-                let before = self.by_id.insert(id.clone(), self.entities.len());
+                let before = self.indices.insert(key, self.entities.len());
                 self.leave_out(before);
                 self.entities.push(Some(marker.into_entity(id)));
             }
             2 => {
-                let before = self.by_id.remove(&id);
+                let before = self.indices.remove(&key);
                 self.leave_out(before);
                 self.delete(&marker.header, DeletionType::MatchingId.into(), id);
             }
             3 if edition == Edition::Humble && !marker.namespace.is_empty() => {
-                let mut own = self.by_id.clone();
-                own.retain(|id, _| id.rsplit_once('/').is_some_and(|(name, _)| name == marker.namespace));
-                for (id, index) in own {
-                    self.by_id.remove(&id);
-                    self.leave_out(Some(index));
+                let [first, last] = [i32::MIN, i32::MAX].map(|number| (marker.namespace.clone(), number));
+                let own: Vec<_> = self.indices.range(first..=last).map(|(key, _)| key.clone()).collect();
+                for key in own {
+                    let before = self.indices.remove(&key);
+                    self.leave_out(before);
                 }
                 self.delete(&marker.header, DELETES_NAMESPACE, marker.namespace);
             }
             3 => {
                 self.entities.clear();
-                self.by_id.clear();
+                self.indices.clear();
                 self.delete(&marker.header, DeletionType::All.into(), String::new());
             }
             _ => {}

@@ -3,7 +3,7 @@
 use super::{HEADER, POSE, Writer, named, returns, schema};
 use bytes::Bytes;
 use rcs_msg::foxglove::line_primitive::Type;
-use rcs_msg::foxglove::{CameraCalibration, Point3, SceneUpdate};
+use rcs_msg::foxglove::{CameraCalibration, CompressedImage, Point3, SceneUpdate};
 use rcs_msg::{AnyMessage, canonical, canonical_name, header_frame, header_stamp};
 
 fn read(name: &str, definition: &str, bytes: &Bytes) -> AnyMessage {
@@ -49,6 +49,28 @@ fn the_matrices_of_a_calibration_have_small_letters() {
     let calibration = message.get::<CameraCalibration>().expect("it is a calibration");
     assert_eq!((calibration.width, calibration.height, calibration.d.len()), (640, 480, 2));
     assert_eq!((calibration.k[8], calibration.r[0], calibration.p[11]), (8.0, 9.0, 29.0));
+}
+
+#[test]
+fn a_compressed_image_keeps_its_bytes_and_a_cloud_its_fields() {
+    let definition = "builtin_interfaces/Time timestamp\nstring frame_id\nuint8[] data\nstring format";
+    let bytes = Writer::new(true).header().data(&[0xff, 0xd8, 0xff]).text("jpeg").done();
+    let message = read("foxglove_msgs/msg/CompressedImage", definition, &bytes);
+    let image = message.get::<CompressedImage>().expect("it is an image");
+    assert_eq!((&image.data[..], image.format.as_str()), (&[0xff, 0xd8, 0xff][..], "jpeg"));
+
+    let definition = "builtin_interfaces/Time timestamp\nstring frame_id\ngeometry_msgs/Pose pose\n\
+        uint32 point_stride\nfoxglove_msgs/PackedElementField[] fields\nuint8[] data\n===\n\
+        MSG: foxglove_msgs/PackedElementField\nuint8 UINT16=3\nuint8 FLOAT32=7\nstring name\n\
+        uint32 offset\nuint8 type";
+    let mut writer = Writer::new(false);
+    writer.header().floats(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]).u32(14).u32(4);
+    for (name, offset, number) in [("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("intensity", 12, 3)] {
+        writer.text(name).u32(offset).u8(number);
+    }
+    let point: Vec<u8> = [1.0_f32, 2.0, 3.0].iter().flat_map(|v| v.to_le_bytes()).chain([9, 1]).collect();
+    let message = read("foxglove_msgs/msg/PointCloud", definition, &writer.data(&point).done());
+    assert_eq!(returns(&message), [([1000.0, 2000.0, 3000.0], Some(265.0))]);
 }
 
 #[test]

@@ -309,9 +309,13 @@ impl Growing {
         let mut deleted = BTreeMap::new();
         let mut ended = Vec::<usize>::new();
         let mut deletes_all = false;
+        let mut namespaces = BTreeSet::new();
         for deletion in &update.deletions {
             if deletion.r#type == DELETES_NAMESPACE {
-                deleted.append(&mut self.take_namespace(&deletion.id));
+                // It may come many times, and after the first time nothing is left of it.
+                if namespaces.insert(deletion.id.as_str()) {
+                    deleted.append(&mut self.take_namespace(&deletion.id));
+                }
                 continue;
             }
             match deletion.r#type() {

@@ -361,17 +361,32 @@ impl Window {
         match open {
             Some(_) if is_chosen => {}
             Some(open) if open.name == fitting.name => {
-                let adapted = with_images_of(open.clone(), frame);
+                let left = self.document.left_as(open.clone());
+                let adapted = with_images_of(left.clone(), frame);
                 if adapted != open {
-                    self.arrange(&adapted);
+                    self.record_layout();
+                    self.adapt(left, &adapted);
                 }
             }
             _ => {
                 self.chosen = Chosen::Nothing;
                 self.record_layout();
-                let kept = self.layout_store.load(&fitting.name, &mut self.notices);
-                self.arrange(&with_images_of(kept.unwrap_or(fitting), frame));
+                let kept = self.layout_store.load(&fitting.name, &mut self.notices).unwrap_or(fitting);
+                let adapted = with_images_of(kept.clone(), frame);
+                if adapted == kept {
+                    self.arrange(&kept);
+                } else {
+                    self.adapt(kept, &adapted);
+                }
             }
+        }
+    }
+
+    /// Goes to an arrangement that was adapted to the source from how the user left it, which stays kept as it is.
+    fn adapt(&mut self, left: Layout, adapted: &Layout) {
+        self.show_arrangement(adapted);
+        if let Some(workspace) = &self.workspace {
+            self.document.adapt(left, workspace.layout(self.buffers_open));
         }
     }
 
@@ -385,11 +400,15 @@ impl Window {
 
     /// Goes to an arrangement; views that are in both stay.
     pub(super) fn arrange(&mut self, layout: &Layout) {
+        self.show_arrangement(layout);
+        self.record_layout();
+    }
+
+    fn show_arrangement(&mut self, layout: &Layout) {
         self.buffers_open = layout.buffers;
         match &mut self.workspace {
             Some(workspace) => workspace.apply(layout),
             None => self.workspace = Some(Workspace::new(layout)),
         }
-        self.record_layout();
     }
 }

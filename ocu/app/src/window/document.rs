@@ -17,6 +17,8 @@ pub(super) struct Document {
     now: Option<Layout>,
     past: Vec<Layout>,
     future: Vec<Layout>,
+    /// The arrangement that was last adapted to a source: how the user left it, and as adapted.
+    adapted: Option<[Layout; 2]>,
 }
 
 impl Document {
@@ -37,6 +39,22 @@ impl Document {
         }
         self.now = Some(layout.clone());
         true
+    }
+
+    /// Takes over an arrangement that was adapted to a source from how the user left it. It is no step, and not to be kept
+    /// for the next start as long as the user changes nothing.
+    pub(super) fn adapt(&mut self, left: Layout, adapted: Layout) {
+        self.now = Some(adapted.clone());
+        self.adapted = Some([left, adapted]);
+    }
+
+    /// How the user left this arrangement, before it was adapted to a source: as it is if it was not adapted, or if the
+    /// user has changed it since. Where its views look is no change.
+    pub(super) fn left_as(&self, layout: Layout) -> Layout {
+        match &self.adapted {
+            Some([left, adapted]) if without_viewports(adapted) == without_viewports(&layout) => left.clone(),
+            _ => layout,
+        }
     }
 
     /// The arrangement before the last step.
@@ -95,6 +113,22 @@ mod tests {
         assert!(document.record(&states[3]));
         assert_eq!(document.redo(), None);
         assert_eq!(document.undo().as_ref(), Some(&states[1]));
+    }
+
+    #[test]
+    fn an_arrangement_that_was_adapted_is_no_step_and_leads_back_until_the_user_changes_it() {
+        let [left, adapted, changed] = [0, 1, 2].map(|n| layout(true, json!({ "n": n, "viewport": n })));
+        let mut document = Document::default();
+        document.record(&left);
+        assert_eq!(document.left_as(left.clone()), left);
+        document.adapt(left.clone(), adapted.clone());
+        assert!(!document.record(&adapted));
+        assert_eq!(document.left_as(adapted), left);
+        let moved = layout(true, json!({ "n": 1, "viewport": 3 }));
+        assert!(document.record(&moved), "it is kept");
+        assert_eq!(document.left_as(moved), left);
+        assert!(document.record(&changed));
+        assert_eq!(document.left_as(changed.clone()), changed);
     }
 
     #[test]

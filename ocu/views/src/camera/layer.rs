@@ -2,7 +2,7 @@
 
 use crate::cached::SameMessage;
 use crate::image::{DecodedImage, Pixels, Tint, decode};
-use crate::prepare::{Painted, prepared};
+use crate::prepare::{Painted, prepared_after};
 use egui::{Color32, Context, Id, TextureId, TextureOptions};
 use ocu_ui::legend::round_step;
 use ocu_ui::palette::{self, Classes, Label, MapPalette};
@@ -12,6 +12,7 @@ use rcs_msg::foxglove::{CompressedImage, RawImage};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic, frame_name};
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Key of a channel that names the image on which its own lies.
@@ -207,6 +208,9 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
     overlays.iter().map(|&topic| Overlay { topic, is_usual: is_usual(topic) }).collect()
 }
 
+/// A layer, or why it cannot be shown.
+type Made = Result<Arc<Layer>, String>;
+
 /// The image of a topic's newest message, with costs in the colours of `palette`; `depth_step_m` is the size of one step
 /// of a depth image with whole numbers. `None` before the first message, and until the first image is decoded; the error
 /// says why it cannot be shown. Views share it.
@@ -221,8 +225,10 @@ pub(super) fn layer(
     let slot = Id::unique(("image", &*topic.name, topic.run, palette, depth_step_m.to_bits()));
     let key = (SameMessage(sample.message.clone()), Arc::clone(&topic.metadata), most);
     let topic = topic.clone();
-    let made =
-        prepared(ctx, slot, key, move || Layer::new(&topic, palette, depth_step_m, most).map(Arc::new));
+    let made = prepared_after(ctx, slot, key, move |last: Option<Arc<Made>>| {
+        let greys = last.and_then(|last| (*last).as_ref().ok()?.image.grey_range());
+        Layer::new(&topic, palette, depth_step_m, most, greys.as_ref()).map(Arc::new)
+    });
     made.map(|made| (*made).clone()).transpose()
 }
 
@@ -249,9 +255,16 @@ pub(super) struct Layer {
 }
 
 impl Layer {
-    fn new(topic: &Topic, palette: MapPalette, depth_step_m: f64, most: usize) -> Result<Self, String> {
+    /// `greys` are the grey levels that were shown last.
+    fn new(
+        topic: &Topic,
+        palette: MapPalette,
+        depth_step_m: f64,
+        most: usize,
+        greys: Option<&Range<u32>>,
+    ) -> Result<Self, String> {
         let undecodable = || topic.undecodable.as_deref().unwrap_or("its message does not decode").to_owned();
-        let image = decode(topic.canonical().ok_or_else(undecodable)?)?;
+        let image = decode(topic.canonical().ok_or_else(undecodable)?, greys)?;
         let quantity = Quantity::of(topic);
         let step = match image.pixels {
             Pixels::Values { whole: true, .. } if quantity == Quantity::Range => depth_step_m,

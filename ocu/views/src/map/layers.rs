@@ -400,11 +400,6 @@ impl Tracks {
         shown.iter().filter_map(place).collect()
     }
 
-    /// Whether the place of what a track belongs to is known of any of the layers.
-    pub(super) fn have_place(&self, frame: &Frame, layers: &[Layer<'_>]) -> bool {
-        layers.iter().any(|layer| self.here(frame, layer).is_some())
-    }
-
     /// Position and heading of what a track belongs to, on the map: from the newest message, never from the track,
     /// which may be read later or belong to another run. `None` without a message or a transform.
     pub(super) fn here(&self, frame: &Frame, layer: &Layer<'_>) -> Option<[f64; 3]> {

@@ -254,8 +254,7 @@ impl Map {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
         ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
         let shown: Vec<_> = layers.iter().filter(|layer| self.state(layer).shown).collect();
-        let robot = Robot::of(cx.frame, map).filter(|_| !self.tracks.have_place(cx.frame, layers));
-        let vehicle = self.here(cx.frame, &shown).or(robot.map(|robot| robot.place));
+        let (robot, vehicle) = Robot::beside(cx.frame, map, &self.places(cx.frame, &shown));
         let viewport = self.look(ui, cx.frame, map, &shown, vehicle, &response);
         self.measure(&response, viewport, canvas);
 
@@ -469,10 +468,10 @@ impl Map {
         }
     }
 
-    /// Current position of the first visible track.
-    fn here(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Option<[f64; 3]> {
-        let mut layers = shown.iter().filter(|layer| !layer.is_ground_truth());
-        layers.find_map(|layer| self.tracks.here(frame, layer))
+    /// Current positions and headings of what the visible tracks belong to, without ground truth.
+    fn places(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Vec<[f64; 3]> {
+        let layers = shown.iter().filter(|layer| !layer.is_ground_truth());
+        layers.filter_map(|layer| self.tracks.here(frame, layer)).collect()
     }
 
     /// A viewport that shows all layers: of a running stack the smallest of its fused maps, in which the vehicle is. Its
@@ -528,9 +527,7 @@ impl Map {
                 _ => {}
             }
         }
-        // Where nothing else has an extent, 10 m around the robot.
-        let [x, y, _] = Robot::of(frame, map).map_or([0.0; 3], |robot| robot.place);
-        let (mut min, mut max) = bounds.unwrap_or(([x - 10.0, y - 10.0], [x + 10.0, y + 10.0]));
+        let (mut min, mut max) = bounds.unwrap_or_else(|| robot::surroundings(frame, map));
         // A run begins with a vehicle and nothing else.
         let least = if runs { LEAST_OF_A_RUN_M } else { 2.0 };
         for axis in 0..2 {

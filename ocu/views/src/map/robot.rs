@@ -1,5 +1,5 @@
-//! The robot of a recording without positions: where its own coordinate frame is by the transforms. Frames are known by the
-//! names that ROS gives to that of a robot (REP 105); others could be those of a sensor or of a thing that it carries.
+//! The robot by the transforms: where its own coordinate frame is. Frames are known by the names that ROS gives to that of a
+//! robot (REP 105); others could be those of a sensor or of a thing that it carries.
 
 use crate::clip::is_place;
 use rcs_runtime::source::Frame;
@@ -8,44 +8,78 @@ use rcs_runtime::source::Frame;
 const NAMES: [&str; 2] = ["base_link", "base_footprint"];
 /// Age from which the newest transform is outdated, s.
 const OLD_S: f64 = 1.2;
+/// Distance up to which a track belongs to the robot, m.
+const SAME_M: f64 = 2.0;
+/// Steps of the middle of the surroundings, and how far they reach from it, m.
+const SURROUNDINGS_M: f64 = 10.0;
 
 /// Where the robot is on the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Robot {
     /// x, y in m and heading in rad.
     pub(super) place: [f64; 3],
-    /// Whether its own transform reaches about to the viewed time.
+    /// Whether the transform by which it moves reaches about to the viewed time.
     pub(super) is_current: bool,
 }
 
 impl Robot {
-    /// The robot whose frame moves in that of the map; `None` if there is none, or if there are several.
+    /// The robot whose frame moves in that of the map; `None` if there is none, if there are several, or if all transforms
+    /// above its frame are static.
     pub(super) fn of(frame: &Frame, map: &str) -> Option<Self> {
         let name = own_frame(frame)?;
         let (tree, now) = (&frame.transforms, frame.transform_time(frame.now));
         // As everything on the map: before the first sample by the first, and after the last by the last.
         let pose = tree.lookup_nearest(map, name, now.0).ok()?;
         let [x, y] = [pose.translation.x, pose.translation.y];
-        let is_current = match tree.newest_until(tree.parent(name)?, name, now.0) {
-            Ok(Some(newest_ns)) => now.0.saturating_sub(newest_ns) as f64 * 1e-9 <= OLD_S,
-            Ok(None) => true,
-            Err(_) => false,
+        // It moves by the first transform above its frame that is not static.
+        let mut child = name;
+        let is_current = loop {
+            let parent = tree.parent(child)?;
+            match tree.newest_until(parent, child, now.0) {
+                Ok(None) => child = parent,
+                Ok(Some(newest_ns)) => break now.0.saturating_sub(newest_ns) as f64 * 1e-9 <= OLD_S,
+                Err(_) => break false,
+            }
         };
         is_place(&[x, y]).then_some(Self { place: [x, y, pose.yaw()], is_current })
     }
+
+    /// The robot where it gets a mark of its own, and the place of the vehicle, which the map follows and by which it is
+    /// turned. `tracks` are the places of what the visible tracks belong to, x, y in m and heading in rad. One near the
+    /// robot is the robot, and has a mark. Others are of other things, or were clicked once, such as a goal: the first one
+    /// is the vehicle only where no robot is current.
+    pub(super) fn beside(frame: &Frame, map: &str, tracks: &[[f64; 3]]) -> (Option<Self>, Option<[f64; 3]>) {
+        let first = tracks.first().copied();
+        let Some(robot) = Self::of(frame, map) else { return (None, first) };
+        let is_it = |[x, y, _]: &[f64; 3]| (x - robot.place[0]).hypot(y - robot.place[1]) <= SAME_M;
+        let vehicle = if robot.is_current { robot.place } else { first.unwrap_or(robot.place) };
+        ((!tracks.iter().any(is_it)).then_some(robot), Some(vehicle))
+    }
+}
+
+/// Lower and upper corner of the surroundings of the robot, or of the origin of the map if there is no robot, m. Their
+/// middle is rounded, so that a map that shows them stands still while the robot moves.
+pub(super) fn surroundings(frame: &Frame, map: &str) -> ([f64; 2], [f64; 2]) {
+    let [x, y, _] = Robot::of(frame, map).map_or([0.0; 3], |robot| robot.place);
+    let middle = [x, y].map(|v| (v / SURROUNDINGS_M).round() * SURROUNDINGS_M);
+    (middle.map(|v| v - SURROUNDINGS_M), middle.map(|v| v + SURROUNDINGS_M))
 }
 
 /// The coordinate frame of the robot; its name may begin with that of the robot, as in `robot1/base_link`. One without a
-/// parent moves nowhere.
+/// parent moves nowhere. `None` if there is none, or if there are several of the usual name.
 pub(super) fn own_frame(frame: &Frame) -> Option<&str> {
     let frames = frame.transforms.frames();
-    let named = |wanted: &str| {
+    for wanted in NAMES {
         let is_own =
             |name: &&str| name.rsplit('/').next() == Some(wanted) && frame.transforms.parent(name).is_some();
         let own: Vec<&str> = frames.iter().copied().filter(is_own).collect();
-        if let [one] = own.as_slice() { Some(*one) } else { None }
-    };
-    NAMES.into_iter().find_map(named)
+        match own.as_slice() {
+            [] => {}
+            [one] => return Some(*one),
+            _ => return None,
+        }
+    }
+    None
 }
 
 #[cfg(test)]
@@ -57,6 +91,11 @@ mod tests {
 
     /// A frame of a recording with transforms alone; each moves by 1 m to the east in the last second.
     fn with(links: &[(&str, &str)]) -> Frame {
+        with_static(links, &[])
+    }
+
+    /// As [`with`], with other transforms that are static.
+    fn with_static(links: &[(&str, &str)], fixed: &[(&str, &str)]) -> Frame {
         let frame = samples::empty();
         let now = frame.transform_time(frame.now).0;
         let mut tree = TransformTree::new();
@@ -65,7 +104,9 @@ mod tests {
                 tree.insert(parent, child, time_ns, Pose::from_xy_yaw(x, 1.0, 0.5)).unwrap();
             }
         }
-        tree.set_static("base_link", "lidar", Pose::from_translation(DVec3::Z)).unwrap();
+        for (parent, child) in fixed.iter().chain(&[("base_link", "lidar")]) {
+            tree.set_static(parent, child, Pose::from_translation(DVec3::Z)).unwrap();
+        }
         Frame { transforms: Arc::new(tree), ..frame }
     }
 
@@ -84,10 +125,48 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_is_as_old_as_the_transform_by_which_it_moves() {
+        let above = [("base_footprint", "base_link")];
+        let frame = with_static(&[("odom", "base_footprint")], &above);
+        assert_eq!(Robot::of(&frame, "odom").map(|robot| robot.is_current), Some(true));
+        let later = Frame { now: frame.now.after_ns(5_000_000_000), ..frame };
+        assert_eq!(Robot::of(&later, "odom").map(|robot| robot.is_current), Some(false));
+        let fixed = with_static(&[], &[("odom", "base_footprint"), above[0]]);
+        assert_eq!(Robot::of(&fixed, "odom"), None, "it moves nowhere");
+    }
+
+    #[test]
+    fn a_place_that_was_clicked_neither_hides_the_robot_nor_is_followed() {
+        let frame = with(&[("map", "base_link")]);
+        let robot = Robot::of(&frame, "map").unwrap();
+        let [goal, own] = [[30.0, 1.0, 0.0], [3.5, 1.0, 0.5]];
+        assert_eq!(Robot::beside(&frame, "map", &[goal]), (Some(robot), Some(robot.place)));
+        assert_eq!(Robot::beside(&frame, "map", &[goal, own]), (None, Some(robot.place)));
+        // Where the transforms have ended, or there are none, the first track is the vehicle.
+        let later = Frame { now: frame.now.after_ns(5_000_000_000), ..frame };
+        let (old, vehicle) = Robot::beside(&later, "map", &[goal]);
+        assert_eq!((old.map(|robot| robot.is_current), vehicle), (Some(false), Some(goal)));
+        assert_eq!(Robot::beside(&with(&[]), "map", &[goal, own]), (None, Some(goal)));
+        assert_eq!(Robot::beside(&with(&[]), "map", &[]), (None, None));
+    }
+
+    #[test]
+    fn a_map_with_a_robot_alone_stands_still_while_it_moves() {
+        let frame = with(&[("map", "base_link")]);
+        let before = Frame { now: frame.now.before_ns(1_000_000_000), ..frame.clone() };
+        let [before_x, x] = [&before, &frame].map(|frame| Robot::of(frame, "map").unwrap().place[0]);
+        assert!(x - before_x > 0.9, "{before_x} {x}");
+        assert_eq!(surroundings(&before, "map"), surroundings(&frame, "map"));
+        assert_eq!(surroundings(&frame, "moon"), ([-10.0; 2], [10.0; 2]));
+    }
+
+    #[test]
     fn of_several_robots_none_is_chosen_and_a_name_may_have_a_prefix() {
         let own = |links: &[(&str, &str)]| own_frame(&with(links)).map(str::to_owned);
         assert_eq!(own(&[("map", "a/base_link")]).as_deref(), Some("a/base_link"));
         assert_eq!(own(&[("map", "a/base_link"), ("map", "b/base_link")]), None);
+        let with_footprint = [("map", "a/base_link"), ("map", "b/base_link"), ("map", "a/base_footprint")];
+        assert_eq!(own(&with_footprint), None, "one of them has two frames");
         assert_eq!(own(&[("map", "base_footprint")]).as_deref(), Some("base_footprint"));
         assert_eq!(own(&[]), None, "a frame without a parent");
     }

@@ -40,7 +40,7 @@ impl Patch {
             data: data.clone(),
             ..RawImage::default()
         };
-        let decoded = image::decode(&AnyMessage::new(raw)).ok()?;
+        let decoded = image::decode(&AnyMessage::new(raw), None).ok()?;
         let range = decoded.value_range().unwrap_or([0.0, 1.0]);
         let time = value.field("timestamp").and_then(Value::as_stamp);
         let picture = decoded.paint(&Tint::Plain, range, MOST_PX);
