@@ -159,7 +159,7 @@ impl Layout {
         Some(Self::parse(&file.path(), file.text))
     }
 
-    /// The layout named on the command line: a bundled one by name, or a file.
+    /// A bundled layout by its name, or one in a file.
     pub fn named(spec: &str) -> anyhow::Result<Self> {
         if let Some(layout) = Self::bundled(spec) {
             return Ok(layout?);

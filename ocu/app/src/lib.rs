@@ -34,6 +34,7 @@ pub mod eval;
 pub mod export;
 pub mod graph;
 pub mod info;
+mod kept_layouts;
 pub mod latency;
 pub mod layout;
 mod layout_fit;

@@ -2,7 +2,8 @@
 //! a display.
 
 use crate::cli::{RenderArgs, Size};
-use crate::layout::Layout;
+use crate::kept_layouts;
+use crate::layout::{Layout, data_dir};
 use crate::layout_fit::fitting;
 use crate::offscreen::Painter;
 use crate::open::Request;
@@ -42,7 +43,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         files.reads("a file that is read", path);
     }
     files.writes("--output", &args.output)?;
-    let layout = layout.map(Layout::named).transpose()?;
+    let layout = layout.map(|spec| kept_layouts::named(spec, data_dir().as_deref())).transpose()?;
     let request = Request {
         log: args.log.clone(),
         stack: args.stack.clone(),

@@ -360,6 +360,56 @@ fn a_change_of_the_layout_that_was_undone_is_undone_at_the_next_start_too() {
     assert!(keeps_buffers(&mut harness));
 }
 
+#[test]
+fn a_layout_is_kept_by_enter_and_deleted_in_the_menu_where_its_file_is_set_aside() {
+    let dir = tempfile::tempdir().unwrap();
+    let data_dir = Some(dir.path().join("data"));
+    let mut harness = harness(Options { request: sample(dir.path()), layout: None, data_dir });
+    wait_for(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    let open_menu = |harness: &mut Harness<'_, State>| {
+        harness.get_by_label("Layout").click();
+        harness.run_steps(3);
+    };
+    open_menu(&mut harness);
+    harness.get_by_label("Name of the layout").focus();
+    harness.run_steps(2);
+    harness.get_by_label("Name of the layout").type_text("mine");
+    harness.run_steps(2);
+    harness.key_press(Key::Enter);
+    harness.run_steps(3);
+    harness.state_mut().as_mut().unwrap().keep_layout();
+    let kept = dir.path().join("data/layouts/mine.ron");
+    assert_eq!(Layout::load(&kept).unwrap().name, "mine");
+
+    open_menu(&mut harness);
+    assert!(harness.query_by_label("Delete the layout mine").is_none(), "it is open");
+    harness.get_by_label("default").click();
+    harness.run_steps(3);
+    open_menu(&mut harness);
+    harness.get_by_label("Delete the layout mine").click();
+    harness.run_steps(3);
+    assert!(!kept.exists() && kept.with_extension("ron.old").exists());
+    assert!(harness.query_by_label_contains("the layout mine is deleted").is_some());
+}
+
+#[test]
+fn a_damaged_layout_of_the_users_is_said_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let data_dir = dir.path().join("data");
+    let kept = data_dir.join("layouts/mine.ron");
+    std::fs::create_dir_all(kept.parent().unwrap()).unwrap();
+    std::fs::write(&kept, "Layout(version: 77)").unwrap();
+    let options = Options { request: sample(dir.path()), layout: None, data_dir: Some(data_dir) };
+    let mut harness = harness(options);
+    wait_for(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    harness.get_by_label("Layout").click();
+    harness.run_steps(3);
+    harness.get_by_label("mine").click();
+    harness.run_steps(3);
+    assert_eq!(harness.query_all_by_label_contains("version 77").count(), 1);
+    assert!(harness.query_by_label_contains("is called").is_none(), "nothing else is said");
+}
+
 /// The recording that a process of its own opens.
 const LOG: &str = "OCU_TEST_LOG";
 /// Bars for opening a hostile recording, and for the memory of the process.

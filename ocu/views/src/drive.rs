@@ -94,6 +94,10 @@ fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str) {
         note(ui, "Let go of the controls first: nothing drives until they are neutral.", tokens(ui).warning);
     } else if playing {
         note(ui, "Hold W A S D; with shift, slowly.", weak);
+        if operator::stack_drives(cx.frame) {
+            let text = "When you let go, the stack takes over again: press Esc to keep it standing.";
+            note(ui, text, weak);
+        }
     } else {
         note(ui, "Time stands: play (space) to drive.", tokens(ui).warning);
     }

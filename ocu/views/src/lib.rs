@@ -67,7 +67,7 @@ mod views;
 pub use camera::cameras;
 pub use sweep::{SweepRequest, SweepRow, SweepState};
 pub use view::{
-    FieldKey, Hover, HoverPoint, Hovers, Preview, Previews, RunChoice, SavedState, Selection, TopicKey, View,
-    ViewContext, ViewType, Wish, show,
+    Drafts, FieldKey, Hover, HoverPoint, Hovers, Preview, Previews, RunChoice, SavedState, Selection,
+    TopicKey, View, ViewContext, ViewType, Wish, show,
 };
 pub use views::{all, view_type};

@@ -33,16 +33,12 @@ impl Inputs {
         if frame.info.kind == SourceKind::Log || frame.is_beside {
             return Self::default();
         }
-        let is_written = |buffer: &str| {
-            let mut outputs = frame.processes.iter().flat_map(|process| &process.outputs);
-            outputs.any(|output| output.buffer == buffer)
-        };
         let find = |role: InputRole| {
             let inputs = frame.processes.iter().flat_map(|process| &process.inputs);
             inputs
                 .filter(|input| input.role == role.name())
                 .map(|input| input.buffer.as_str())
-                .find(|buffer| !buffer.is_empty() && !is_written(buffer))
+                .find(|buffer| !buffer.is_empty() && !is_written(frame, buffer))
                 .map(Arc::from)
         };
         Self {
@@ -52,6 +48,23 @@ impl Inputs {
             training: find(InputRole::Training),
         }
     }
+}
+
+/// Whether the process that the operator drives by hand also obeys drive commands of the stack. Then the stack takes over
+/// again when the operator lets go.
+pub fn stack_drives(frame: &Frame) -> bool {
+    let is_teleop = |input: &rcs::PortInfo| input.role == InputRole::Teleoperation.name();
+    let driven = frame.processes.iter().filter(|process| process.inputs.iter().any(is_teleop));
+    let mut inputs = driven.flat_map(|process| &process.inputs);
+    inputs.any(|input| {
+        input.schema == "rcs.DriveCommand" && !is_teleop(input) && is_written(frame, &input.buffer)
+    })
+}
+
+/// Whether a process writes a buffer.
+fn is_written(frame: &Frame, buffer: &str) -> bool {
+    let mut outputs = frame.processes.iter().flat_map(|process| &process.outputs);
+    outputs.any(|output| output.buffer == buffer)
 }
 
 /// The vehicle status, with its topic.
@@ -185,6 +198,15 @@ mod tests {
         processes[1].outputs.extend(teleop);
         written.processes = processes.into();
         assert_eq!(Inputs::of(&written).teleop, None);
+    }
+
+    #[test]
+    fn a_stack_drives_where_it_writes_drive_commands_to_what_is_driven_by_hand() {
+        let mut frame = samples::driving();
+        assert!(stack_drives(&frame));
+        let only_by_hand = frame.processes.iter().filter(|process| process.name != "driver").cloned();
+        frame.processes = only_by_hand.collect();
+        assert!(!stack_drives(&frame));
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! The interface of a view, and what it receives.
 
+use crate::map::draft::Draft as MissionDraft;
 use crate::operator::{DriveSettings, Hand};
 use crate::sweep::{SweepRequest, SweepState};
+use crate::tuning::draft::Draft as ParamsDraft;
 use egui::Ui;
 use ocu_ui::{stale, tokens};
 use rcs_formula::FieldRef;
@@ -197,7 +199,7 @@ impl Hovers {
 }
 
 /// The user's selection, shared by all views.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Selection {
     /// The topic clicked last.
     pub topic: Option<TopicKey>,
@@ -208,6 +210,8 @@ pub struct Selection {
     /// Parameters that are being edited; views show their effect before they are sent. The window ends each pass with
     /// [`Previews::turn`].
     pub preview: Previews,
+    /// What was not sent.
+    pub drafts: Drafts,
     /// Deflection of the drive controls; the window sets it from the keys before each pass, and sends the command after
     /// it.
     pub hand: Hand,
@@ -219,6 +223,17 @@ pub struct Selection {
     pub serials: BTreeMap<String, u64>,
     /// The sweep that runs, or ran last; the window sets it.
     pub sweep: Arc<SweepState>,
+}
+
+/// Work that was not sent. It outlives the views in which it is done, so that another layout loses none of it, and views of
+/// the same thing share it.
+#[derive(Clone, Debug, Default)]
+pub struct Drafts {
+    /// Edited parameters, by process, and by the run where a view shows another one than the viewed one: other parameters
+    /// are in force there.
+    pub(crate) params: BTreeMap<(String, Option<RunId>), ParamsDraft>,
+    /// Missions that are being drawn, by the frame of the map.
+    pub(crate) missions: BTreeMap<String, MissionDraft>,
 }
 
 /// Parameters that are being edited and are not in force yet.

@@ -113,7 +113,7 @@ pub struct WindowArgs {
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Layout to start with: the name of a bundled one, or a .ron file
+    /// Layout to start with: the name of a bundled one, of one that you keep, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
     /// Graphics API of the window; by default wgpu, or glow if the only graphics adapter is a software one

@@ -125,6 +125,7 @@ impl Window {
         frame: Option<&Frame>,
         controls: &mut Vec<Control>,
     ) -> bool {
+        self.keymap.mark_repeats(ctx);
         self.key_list.take_key(ctx, &mut self.keymap);
         let commands = self.keymap.pressed(ctx, stops);
         for &command in &commands {
@@ -263,12 +264,29 @@ impl Window {
             }
             TopBarAction::Layout(name) => {
                 // As the user last arranged it; how it comes is a command of its own.
-                let kept = self.layout_store.load(&name, &mut self.notices);
-                match kept.map_or_else(|| Layout::named(&name), Ok) {
-                    Ok(layout) => self.choose(&layout),
-                    Err(error) => self.notices.error(Matter::Layout, say(&error)),
+                let kept = self.layout_store.load(&name);
+                let damage = kept.as_ref().err().map(say);
+                match kept.ok().flatten().map(Ok).or_else(|| Layout::bundled(&name)) {
+                    Some(Ok(layout)) => self.choose(&layout),
+                    Some(Err(error)) => self.notices.error(Matter::Layout, error.to_string()),
+                    None if damage.is_none() => {
+                        self.notices
+                            .error(Matter::Layout, format!("the layout {name:?} is not there any more"));
+                    }
+                    None => {}
+                }
+                // Choosing a layout removes what was said before.
+                if let Some(damage) = damage {
+                    self.notices.error(Matter::Layout, damage);
                 }
             }
+            TopBarAction::DeleteLayout(name) => match self.layout_store.delete(&name) {
+                Ok(file) => {
+                    let text = format!("the layout {name} is deleted; its file is kept: {}", file.display());
+                    self.notices.news(Matter::Layout, text);
+                }
+                Err(error) => self.notices.error(Matter::Layout, say(&error)),
+            },
             TopBarAction::SaveLayout(name) => {
                 if let Some(workspace) = &mut self.workspace {
                     workspace.rename(name);
@@ -371,7 +389,11 @@ impl Window {
             _ => {
                 self.chosen = Chosen::Nothing;
                 self.record_layout();
-                let kept = self.layout_store.load(&fitting.name, &mut self.notices).unwrap_or(fitting);
+                let kept = self.layout_store.load(&fitting.name).unwrap_or_else(|error| {
+                    self.notices.error(Matter::Layout, say(&error));
+                    None
+                });
+                let kept = kept.unwrap_or(fitting);
                 let adapted = with_images_of(kept.clone(), frame);
                 if adapted == kept {
                     self.arrange(&kept);

@@ -2,7 +2,8 @@
 
 use super::body::{Options, Window};
 use crate::cli::{Renderer, WindowArgs};
-use crate::layout::{Layout, data_dir};
+use crate::kept_layouts;
+use crate::layout::data_dir;
 use crate::offscreen::{Adapters, adapters};
 use crate::open::Request;
 use anyhow::anyhow;
@@ -12,8 +13,10 @@ use std::time::Instant;
 pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     args.check()?;
     let started = Instant::now();
-    let layout = args.layout.as_deref().map(Layout::named).transpose()?;
-    let options = Options { request: Request::of(args), layout, data_dir: data_dir() };
+    let data_dir = data_dir();
+    let named = |spec| kept_layouts::named(spec, data_dir.as_deref());
+    let layout = args.layout.as_deref().map(named).transpose()?;
+    let options = Options { request: Request::of(args), layout, data_dir };
     let adapters = adapters();
     // Software Vulkan draws a full window five times more slowly than software OpenGL.
     let fitting = if adapters == Adapters::Hardware { Renderer::Wgpu } else { Renderer::Glow };

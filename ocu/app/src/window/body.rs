@@ -31,7 +31,7 @@ use crate::bundled;
 use crate::layout::Layout;
 use crate::open::Request;
 use ocu_ui::{icons, tokens, widgets};
-use ocu_views::{Selection, View, ViewContext, Wish};
+use ocu_views::{Drafts, Selection, View, ViewContext, Wish};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Control, Driver, Frame, Source, SourceKind};
 use std::path::PathBuf;
@@ -151,7 +151,7 @@ impl Window {
             palette: Palette::default(),
             dialogs: FileDialogs::default(),
             sweeping: Sweeping::new(data_dir.as_deref()),
-            layout_store: LayoutStore::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
+            layout_store: LayoutStore::new(data_dir.as_deref().map(crate::kept_layouts::folder)),
             document: Document::default(),
             chosen: Chosen::Nothing,
             watched: Vec::new(),
@@ -201,10 +201,9 @@ impl Window {
     pub(super) fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
         let Some(driver) = self.drive(&request, source) else { return };
         self.follow = Follow::of(&request, &driver.frame(), &self.ctx);
-        if request != self.current
-            && let Some(workspace) = &mut self.workspace
-        {
-            // Unsent edits and drafts belong to the source before.
+        let is_same = request == self.current;
+        if let Some(workspace) = self.workspace.as_mut().filter(|_| !is_same) {
+            // Unsent edits belong to the source before.
             *workspace = Workspace::new(&workspace.layout(self.buffers_open));
         }
         self.arrange_for(&driver.frame());
@@ -236,8 +235,10 @@ impl Window {
         self.timeline.forget();
         self.operating.forget();
         self.alarm_sound.forget();
-        // The speeds of manual driving are kept.
-        self.selection = Selection { drive: self.selection.drive, ..Selection::default() };
+        // The speeds of manual driving are kept, and where the same source begins again, what was not sent.
+        let old = std::mem::take(&mut self.selection);
+        let drafts = if is_same { old.drafts } else { Drafts::default() };
+        self.selection = Selection { drive: old.drive, drafts, ..Selection::default() };
     }
 
     /// A thread that plays a source.

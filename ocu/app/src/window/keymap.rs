@@ -10,7 +10,7 @@ use super::commands::{COMMANDS, Command, Entry};
 use super::shortcut::Shortcut;
 use crate::layout::write_whole;
 use egui::{Event, Key};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 /// The keys of all commands.
@@ -21,6 +21,8 @@ pub(super) struct Keymap {
     file: Option<PathBuf>,
     /// Whether the file cannot be used. It is not written over until the user asks for the defaults.
     is_unreadable: bool,
+    /// The keys that are down, by their place on the keyboard.
+    down: BTreeSet<Key>,
 }
 
 impl Keymap {
@@ -107,6 +109,28 @@ impl Keymap {
         write_whole(path, &(text + "\n")).map_err(|error| error.to_string())
     }
 
+    /// Marks which presses of this pass are repeats of a key that is held, by its place on the keyboard. egui marks them by
+    /// what the key means: a question mark that is released without shift, as a slash, would stay down.
+    pub(super) fn mark_repeats(&mut self, ctx: &egui::Context) {
+        ctx.input_mut(|input| {
+            for event in &mut input.events {
+                match event {
+                    Event::Key { key, physical_key, pressed, repeat, .. } => {
+                        let place = physical_key.unwrap_or(*key);
+                        if *pressed {
+                            *repeat = !self.down.insert(place);
+                        } else {
+                            self.down.remove(&place);
+                        }
+                    }
+                    // What is released elsewhere is not told.
+                    Event::WindowFocused(false) => self.down.clear(),
+                    _ => {}
+                }
+            }
+        });
+    }
+
     /// The commands of the keys that were pressed in this pass; their events are consumed. `stops` says whether there
     /// is a vehicle that Escape stops.
     pub(super) fn pressed(&self, ctx: &egui::Context, stops: bool) -> Vec<Command> {
@@ -162,6 +186,7 @@ fn parse(text: &str) -> Result<BTreeMap<String, Vec<Shortcut>>, String> {
 mod tests {
     use super::super::commands::entry_of;
     use super::*;
+    use egui::Modifiers;
 
     #[test]
     fn changed_keys_survive_a_restart_and_the_old_owner_loses_its_key() {
@@ -203,6 +228,28 @@ mod tests {
         keymap.set(play, f9).unwrap();
         let (again, error) = Keymap::load(Some(file));
         assert_eq!((again.text(Command::PlayPause).as_str(), error), ("F9", None));
+    }
+
+    #[test]
+    fn a_shifted_key_that_is_released_after_shift_acts_again_and_one_that_is_held_acts_once() {
+        let (ctx, mut keymap) = (egui::Context::default(), Keymap::default());
+        let mut commands = |key, pressed, modifiers| {
+            let physical_key = Some(Key::Slash);
+            let event = Event::Key { key, physical_key, pressed, repeat: false, modifiers };
+            let input = egui::RawInput { events: vec![event], ..egui::RawInput::default() };
+            let mut commands = Vec::new();
+            let output = ctx.run_ui(input, |ui| {
+                keymap.mark_repeats(ui.ctx());
+                commands.extend(keymap.pressed(ui.ctx(), false));
+            });
+            output.drop_without_applying_deltas();
+            commands
+        };
+        for _ in 0..2 {
+            assert_eq!(commands(Key::Questionmark, true, Modifiers::SHIFT), [Command::Keys]);
+            assert!(commands(Key::Questionmark, true, Modifiers::SHIFT).is_empty(), "it is held");
+            assert!(commands(Key::Slash, false, Modifiers::NONE).is_empty(), "it is released");
+        }
     }
 
     #[test]

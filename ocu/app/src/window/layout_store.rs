@@ -2,11 +2,11 @@
 //! ones. They are written after every change by a thread of their own, so that they survive a crash.
 
 use super::notices::{Matter, Notices};
-use crate::assets::read_text;
-use crate::bundled;
+use crate::kept_layouts::{self, file_name, is_bundled};
 use crate::layout::Layout;
 use crate::say;
-use std::path::{Path, PathBuf};
+use anyhow::Context as _;
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
@@ -46,31 +46,6 @@ impl Writer {
     }
 }
 
-fn is_bundled(name: &str) -> bool {
-    bundled::names("layout").contains(&name)
-}
-
-/// File name of a layout. Characters other than letters, digits and `-` in its name are replaced by `_`. No layout of the
-/// user's has the file of a bundled one.
-fn file_name(name: &str) -> String {
-    let plain = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
-    let stem: String = name.chars().take(64).map(plain).collect();
-    let prefix = if is_bundled(&stem) && !is_bundled(name) { "own-" } else { "" };
-    format!("{prefix}{stem}.ron")
-}
-
-/// The name of the layout in a file: the one that is written in it, or that of the file if it cannot be read. `None` for
-/// a file that no layout with that name would have.
-fn name_of(path: &Path) -> Option<String> {
-    if path.extension().is_none_or(|extension| extension != "ron") {
-        return None;
-    }
-    let stem = path.file_stem()?.to_string_lossy().into_owned();
-    let written = read_text(path).ok().and_then(|text| Layout::name_in(&text));
-    let mut names = written.into_iter().chain([stem]);
-    names.find(|name| path.file_name().is_some_and(|file| file == file_name(name).as_str()))
-}
-
 fn write((path, layout): &(PathBuf, Layout), failed: &Sender<String>) {
     if let Err(error) = layout.save(path) {
         // Nobody waits for it after the window has closed.
@@ -80,11 +55,7 @@ fn write((path, layout): &(PathBuf, Layout), failed: &Sender<String>) {
 
 impl LayoutStore {
     pub(super) fn new(folder: Option<PathBuf>) -> Self {
-        let files = folder.as_deref().map(std::fs::read_dir).and_then(Result::ok);
-        let paths = files.into_iter().flatten().flatten().map(|file| file.path());
-        let mut own: Vec<String> = paths.filter_map(|path| name_of(&path)).collect();
-        own.retain(|name| !is_bundled(name));
-        own.sort();
+        let own = folder.as_deref().map(kept_layouts::names).unwrap_or_default();
         Self { folder, last: None, writer: None, own }
     }
 
@@ -93,18 +64,20 @@ impl LayoutStore {
         Some(self.folder.as_ref()?.join(file_name(name)))
     }
 
-    /// The stored layout with this name, if any.
-    pub(super) fn load(&self, name: &str, notices: &mut Notices) -> Option<Layout> {
-        let path = self.path(name).filter(|path| path.exists())?;
-        match Layout::load(&path) {
-            // A file from before may have another name written in it.
-            Ok(layout) => Some(Layout { name: name.to_owned(), ..layout }),
-            Err(error) => {
-                let text = format!("the arrangement that was kept cannot be used: {}", say(&error));
-                notices.error(Matter::Layout, text);
-                None
-            }
-        }
+    /// The stored layout with this name, if any. The error says why its file cannot be used.
+    pub(super) fn load(&self, name: &str) -> anyhow::Result<Option<Layout>> {
+        self.folder.as_deref().map_or(Ok(None), |folder| kept_layouts::load(folder, name))
+    }
+
+    /// Deletes a layout of the user's. Its file is kept with `.old` at the end of its name, and that is returned.
+    pub(super) fn delete(&mut self, name: &str) -> anyhow::Result<PathBuf> {
+        let path = self.path(name).context("layouts are not kept")?;
+        let aside = path.with_extension("ron.old");
+        let failed = || format!("the layout cannot be deleted: {}", path.display());
+        std::fs::rename(&path, &aside).with_context(failed)?;
+        self.own.retain(|own| own != name);
+        self.last = None;
+        Ok(aside)
     }
 
     /// Names of the user's layouts that are none of the bundled ones.
@@ -174,9 +147,8 @@ mod tests {
 
         let again = LayoutStore::new(folder());
         assert_eq!(again.own_names(), ["a_b", "world model"]);
-        let mut notices = Notices::default();
         for name in ["world_model", "world model", "a_b"] {
-            assert_eq!(again.load(name, &mut notices).map(|layout| layout.name).as_deref(), Some(name));
+            assert_eq!(again.load(name).unwrap().map(|layout| layout.name).as_deref(), Some(name));
         }
     }
 
@@ -186,7 +158,7 @@ mod tests {
         let written = Layout { name: "world model".to_owned(), ..Layout::empty() };
         written.save(&dir.path().join("world_model.ron")).unwrap();
         let store = LayoutStore::new(Some(dir.path().to_owned()));
-        let loaded = store.load("world_model", &mut Notices::default());
+        let loaded = store.load("world_model").unwrap();
         assert_eq!(loaded, Some(Layout { name: "world_model".to_owned(), ..written }));
     }
 

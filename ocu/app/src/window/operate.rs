@@ -15,6 +15,8 @@ const RENEW: Duration = Duration::from_millis(100);
 const RESEND: Duration = Duration::from_millis(500);
 /// After this time, a missing confirmation is shown as an alarm.
 const LATE: Duration = Duration::from_secs(1);
+/// Slower than this, a vehicle stands, m/s.
+const STANDS_MPS: f64 = 0.05;
 /// The keys that drive.
 const DRIVE_KEYS: [Key; 4] = [Key::W, Key::A, Key::S, Key::D];
 
@@ -26,7 +28,9 @@ pub(super) enum StopState {
     None,
     /// The vehicle may move.
     Clear,
-    /// The vehicle reports that it is stopped.
+    /// The vehicle reports that it obeys the stop, and still rolls.
+    Braking,
+    /// The vehicle reports that it obeys the stop, and stands.
     Stopped,
     /// The stop (or its release) was requested, and the vehicle has not confirmed it yet.
     Asked {
@@ -176,8 +180,11 @@ impl Operating {
                 active: asked.active,
                 late: frame.playback.playing && asked.since.elapsed() > LATE,
             },
-            _ if confirmed(frame) == Some(true) => StopState::Stopped,
-            _ => StopState::Clear,
+            _ => match operator::vehicle(frame) {
+                Some((_, status)) if status.emergency_stopped && rolls(status) => StopState::Braking,
+                Some((_, status)) if status.emergency_stopped => StopState::Stopped,
+                _ => StopState::Clear,
+            },
         }
     }
 
@@ -253,9 +260,9 @@ fn newest_message(frame: &Frame) -> Option<&rcs::EmergencyStop> {
     frame.topic(&buffer)?.get()
 }
 
-/// The emergency stop as reported by the vehicle; `None` without a report.
-fn confirmed(frame: &Frame) -> Option<bool> {
-    operator::vehicle(frame).map(|(_, status)| status.emergency_stopped)
+/// Whether the vehicle reports that it moves. One that measures no speed reports 0.
+fn rolls(status: &rcs::VehicleStatus) -> bool {
+    status.speed_mps.abs() >= STANDS_MPS
 }
 
 fn send(frame: &Frame, active: bool, controls: &mut Vec<Control>) {
@@ -283,8 +290,10 @@ fn keys(ui: &egui::Ui) -> Hand {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcs_runtime::source::{Runs, SourceInfo, SourceKind};
-    use rcs_runtime::{RunId, RunSummary};
+    use rcs_bus::{Header, Sample, WriterId};
+    use rcs_msg::{AnyMessage, schema_of};
+    use rcs_runtime::source::{RunTag, Runs, SourceInfo, SourceKind, Topic};
+    use rcs_runtime::{InputRole, RunId, RunSummary};
     use std::sync::Arc;
 
     fn moment(run: u32, event: u64, write: u32) -> Moment {
@@ -323,5 +332,26 @@ mod tests {
             let of = |(run, event, write): (u32, u64, u32)| moment(run, event, write);
             assert_eq!(has_passed(&frame(of(viewed)), of(passed)), is_passed, "{passed:?} at {viewed:?}");
         }
+    }
+
+    #[test]
+    fn a_vehicle_that_obeys_a_stop_and_still_rolls_is_not_shown_as_stopped() {
+        let role = InputRole::EmergencyStop.name().to_owned();
+        let input = rcs::PortInfo { buffer: "/stop".to_owned(), role, ..rcs::PortInfo::default() };
+        let process = rcs::ProcessInfo { inputs: vec![input], ..rcs::ProcessInfo::default() };
+        let state = |emergency_stopped, speed_mps| {
+            let status = rcs::VehicleStatus { emergency_stopped, speed_mps, ..rcs::VehicleStatus::default() };
+            let (log_time, acq_time) = (Stamp(1), Stamp(1));
+            let header = Header { sequence: 1, log_time, acq_time, writer: WriterId::RUNTIME };
+            let schema = Arc::clone(schema_of::<rcs::VehicleStatus>());
+            let topic = Topic::new("/vehicle", RunTag::FIRST, schema)
+                .with_latest(Sample { header, message: AnyMessage::new(status) });
+            let (topics, processes) = (Arc::new([topic]), Arc::new([process.clone()]));
+            let frame = Frame { topics, processes, ..frame(moment(0, 50, 0)) };
+            Operating::default().stop_state(&frame)
+        };
+        assert_eq!(state(true, -0.89), StopState::Braking);
+        assert_eq!(state(true, 0.04), StopState::Stopped);
+        assert_eq!(state(false, 0.89), StopState::Clear);
     }
 }

@@ -8,6 +8,11 @@ use egui::{Align2, Event, Key, RichText, ScrollArea, TextEdit, Vec2};
 use ocu_ui::{tokens, widgets};
 use ocu_views::ViewType;
 
+/// Height of the list of the palette, where there is enough to list.
+const PALETTE_HEIGHT: f32 = 320.0;
+/// Height that the list of keys leaves to its title, its footer and the rest of the window.
+const BESIDE_KEYS: f32 = 136.0;
+
 /// What can be chosen in the palette.
 #[derive(Clone)]
 pub(super) enum Choice {
@@ -88,7 +93,9 @@ impl Palette {
                         self.marked = 0;
                     }
                     ui.add_space(4.0);
-                    ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
+                    // The area remembers how small it was after a search: the list grows again.
+                    let list = ScrollArea::vertical().max_height(PALETTE_HEIGHT);
+                    list.min_scrolled_height(PALETTE_HEIGHT).show(ui, |ui| {
                         for (index, (name, keys, choice)) in lines.iter().enumerate() {
                             let is_marked = index == self.marked;
                             let response = line(ui, name, keys, is_marked);
@@ -192,6 +199,31 @@ impl KeyList {
 
     fn list(&mut self, ui: &mut egui::Ui, keymap: &mut Keymap) {
         let weak = tokens(ui).weak;
+        let height = (ui.ctx().content_rect().height() - BESIDE_KEYS).max(64.0);
+        // A window begins with a height of its own: the list is as high as its content needs.
+        let scroll = ScrollArea::vertical().max_height(height).min_scrolled_height(height);
+        scroll.show(ui, |ui| self.rows(ui, keymap));
+        ui.add_space(4.0);
+        match (&self.refused, self.changing) {
+            (Some(refused), _) => ui.colored_label(tokens(ui).warning, refused),
+            (None, Some(_)) => ui.label("Press the new key."),
+            (None, None) => {
+                let closes = match keymap.text(Command::Cancel) {
+                    keys if keys.is_empty() => String::new(),
+                    keys => format!(" {keys} closes the list."),
+                };
+                let text = format!("Click a key to change it.{closes}");
+                ui.label(RichText::new(text).small().color(weak))
+            }
+        };
+        if keymap.can_be_reset() && ui.small_button("The usual keys").clicked() {
+            self.refused = keymap.reset().err();
+        }
+    }
+
+    /// The commands with their keys, by group.
+    fn rows(&mut self, ui: &mut egui::Ui, keymap: &Keymap) {
+        let weak = tokens(ui).weak;
         egui::Grid::new("keys").num_columns(2).spacing([16.0, 3.0]).show(ui, |ui| {
             for group in Group::ALL {
                 ui.label(RichText::new(group.name()).small().color(weak));
@@ -208,15 +240,6 @@ impl KeyList {
                 }
             }
         });
-        ui.add_space(4.0);
-        match (&self.refused, self.changing) {
-            (Some(refused), _) => ui.colored_label(tokens(ui).warning, refused),
-            (None, Some(_)) => ui.label("Press the new key."),
-            (None, None) => ui.label(RichText::new("Click a key to change it.").small().color(weak)),
-        };
-        if keymap.can_be_reset() && ui.small_button("The usual keys").clicked() {
-            self.refused = keymap.reset().err();
-        }
     }
 
     fn row(&mut self, ui: &mut egui::Ui, keymap: &Keymap, entry: &'static Entry) {
@@ -238,5 +261,55 @@ impl KeyList {
         }
         ui.label(entry.name);
         ui.end_row();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    #[test]
+    fn the_palette_is_as_high_as_before_after_a_search_with_few_hits() {
+        let mut harness =
+            Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
+                |ui, palette: &mut Palette| {
+                    palette.ui(ui.ctx(), &Keymap::default(), &[], |_| true);
+                },
+                Palette::default(),
+            );
+        let height = |harness: &Harness<'_, Palette>| {
+            let area = harness.ctx.memory(|memory| memory.area_rect(egui::Id::unique("palette")));
+            area.unwrap().height()
+        };
+        harness.state_mut().toggle();
+        harness.run_steps(4);
+        let before = height(&harness);
+        assert!(before > PALETTE_HEIGHT, "{before}");
+        harness.get_by_label("Find a command").type_text("emergency");
+        harness.run_steps(4);
+        assert!(height(&harness) < 120.0, "{}", height(&harness));
+        harness.state_mut().toggle();
+        harness.run_steps(4);
+        harness.state_mut().toggle();
+        harness.run_steps(4);
+        assert_eq!(height(&harness), before);
+    }
+
+    #[test]
+    fn the_list_of_keys_fits_into_a_small_window_and_says_how_it_is_closed() {
+        let mut harness =
+            Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
+                |ui, (list, keymap): &mut (KeyList, Keymap)| list.ui(ui.ctx(), keymap),
+                (KeyList::default(), Keymap::default()),
+            );
+        harness.state_mut().0.toggle();
+        harness.run_steps(4);
+        let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, Vec2::new(900.0, 600.0));
+        let footer = harness.get_by_label("Click a key to change it. ctrl . closes the list.").rect();
+        assert!(screen.contains_rect(footer), "{footer}");
+        let first = harness.get_by_label(Group::ALL[0].name()).rect();
+        assert!(screen.contains_rect(first), "{first}");
     }
 }

@@ -20,7 +20,7 @@ struct Look {
     fill: Color32,
     ink: Color32,
     edge: Stroke,
-    /// Whether the request has not been confirmed.
+    /// Whether the vehicle does not do yet what was requested.
     is_open: bool,
     help: &'static str,
 }
@@ -52,6 +52,15 @@ impl Look {
                 is_open: true,
                 help: "Sent; the vehicle has not said yet that it obeys. Press to stop.",
             },
+            StopState::Braking => Self {
+                word: "STOPPING…",
+                icon: icons::ICON_HOURGLASS_TOP,
+                fill: tokens.warning,
+                ink: tokens.on_warning,
+                edge: Stroke::NONE,
+                is_open: true,
+                help: "The vehicle says that it obeys, and still rolls. Press to send the stop again.",
+            },
             StopState::Stopped => Self {
                 word: "STOPPED",
                 icon: icons::ICON_LOCK,
@@ -59,7 +68,7 @@ impl Look {
                 ink: tokens.strong,
                 edge: Stroke::new(2.0, tokens.error),
                 is_open: false,
-                help: "The vehicle says that it is stopped. Release it with the button beside this one.",
+                help: "The vehicle says that it obeys the stop, and it stands. Release it with the button beside this one.",
             },
         })
     }
@@ -72,7 +81,7 @@ pub(super) fn ui(ui: &mut Ui, form: Form, state: StopState, pushed: bool) -> Opt
     let mut wish = None;
     let (stop, release) = if form == Form::Short { (SHORT_STOP, SHORT_RELEASE) } else { (STOP, RELEASE) };
     let (place, _) = ui.allocate_exact_size(release, Sense::hover());
-    if state == StopState::Stopped {
+    if matches!(state, StopState::Braking | StopState::Stopped) {
         let icon = icons::ICON_LOCK_OPEN.codepoint;
         let text = if form == Form::Short { icon.to_owned() } else { format!("{icon}  Release") };
         let button = egui::Button::new(text).min_size(release);

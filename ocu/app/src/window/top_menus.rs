@@ -10,7 +10,7 @@ use crate::open::Request;
 use crate::stacks;
 use egui::{Role, WidgetInfo};
 use ocu_ui::bar::{self, Form};
-use ocu_ui::icons;
+use ocu_ui::{icons, widgets};
 use rcs_msg::rcs::{CourseRun, RunInfo};
 use rcs_runtime::StackFile;
 use rcs_runtime::source::Frame;
@@ -207,18 +207,23 @@ fn stem(path: &str) -> Cow<'_, str> {
 pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actions: &mut Actions) {
     bar::menu(ui, form, icons::ICON_DASHBOARD, "Layout", |ui| {
         ui.set_min_width(200.0);
-        let mut choice = |ui: &mut egui::Ui, name: &str| {
-            if ui.selectable_label(name == state.layout_name, name).clicked() {
-                actions.push(TopBarAction::Layout(name.to_owned()));
-                ui.close();
-            }
-        };
         for name in bundled::names("layout") {
-            choice(ui, name);
+            layout_choice(ui, name, state, actions);
         }
         if !state.layouts.own_names().is_empty() {
             ui.separator();
-            state.layouts.own_names().iter().for_each(|name| choice(ui, name));
+        }
+        for name in state.layouts.own_names() {
+            ui.horizontal(|ui| {
+                layout_choice(ui, name, state, actions);
+                let help = format!("Delete the layout {name}");
+                // The open one would be kept again at the next change.
+                if name != state.layout_name && widgets::icon_button(ui, icons::ICON_DELETE, &help).clicked()
+                {
+                    actions.push(TopBarAction::DeleteLayout(name.clone()));
+                    ui.close();
+                }
+            });
         }
         ui.separator();
         let needed = [
@@ -242,15 +247,18 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
             let edit =
                 egui::TextEdit::singleline(&mut name).hint_text("a name of your own").desired_width(120.0);
             let edit = ui.add(edit);
+            let entered = edit.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             ui.ctx().accesskit_node_builder(edit.id, |node| node.set_label("Name of the layout"));
             let is_free = !name.trim().is_empty() && Layout::bundled(name.trim()).is_none();
             let replaced = state.layouts.replaced_by(name.trim());
+            // As in other dialogs, Enter replaces nothing.
+            let entered = entered && is_free && replaced.is_none();
             let text = if replaced.is_some() { "Replace" } else { "Keep as" };
             let mut keep = ui.add_enabled(is_free, egui::Button::new(text));
             if let Some(replaced) = replaced {
                 keep = keep.on_hover_text(format!("Replaces your layout {replaced}"));
             }
-            if keep.clicked() {
+            if keep.clicked() || entered {
                 actions.push(TopBarAction::SaveLayout(name.trim().to_owned()));
                 name.clear();
                 ui.close();
@@ -258,6 +266,14 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
         });
         ui.data_mut(|data| data.insert_temp(id, name));
     });
+}
+
+/// A layout in the menu, which a click opens.
+fn layout_choice(ui: &mut egui::Ui, name: &str, state: &State<'_>, actions: &mut Actions) {
+    if ui.selectable_label(name == state.layout_name, name).clicked() {
+        actions.push(TopBarAction::Layout(name.to_owned()));
+        ui.close();
+    }
 }
 
 #[cfg(test)]

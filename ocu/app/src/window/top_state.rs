@@ -62,6 +62,8 @@ pub(super) enum TopBarAction {
     Layout(String),
     /// Keep the arrangement under this name.
     SaveLayout(String),
+    /// Delete the user's layout with this name.
+    DeleteLayout(String),
     FittingLayout,
     Palette,
     /// Carry out a command of the table.

@@ -47,7 +47,7 @@ pub(super) struct Bounds {
 
 /// A mission that has not been sent.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Draft {
+pub(crate) struct Draft {
     pub(super) adds: Adds,
     drawn: Drawn,
     /// The area that was sent before, which cannot be drawn and stays.

@@ -113,6 +113,20 @@ fn sending_frame(frame: &Frame, map: &str) -> Result<(String, Pose), String> {
 }
 
 impl Map {
+    /// Takes the draft that the maps of the source share in this frame for the pass. While something else is drawn or
+    /// measured here, clicks are not for it.
+    pub(super) fn take_draft(&mut self, cx: &mut ViewContext<'_>, map: &str) {
+        let is_drawn = Inputs::of(cx.frame).mission.is_some() && self.example.is_none() && !self.measuring;
+        self.draft = if is_drawn { cx.selection.drafts.missions.remove(map) } else { None };
+    }
+
+    /// Ends what [`Self::take_draft`] began. One that was not taken stays.
+    pub(super) fn give_draft_back(&mut self, cx: &mut ViewContext<'_>, map: &str) {
+        if let Some(draft) = self.draft.take() {
+            cx.selection.drafts.missions.entry(map.to_owned()).or_insert(draft);
+        }
+    }
+
     /// Opens a draft, unless none can be drawn on the map, or throws it away.
     pub(super) fn toggle_draft(&mut self, frame: &Frame, map: &str, buffer: &str) {
         self.draft = match self.draft {
@@ -132,6 +146,11 @@ impl Map {
             && let Some(pressed) = response.ctx.input(|input| input.pointer.press_origin())
         {
             draft.grab(on_map(pressed), 1.0 / viewport.scale);
+            self.drags = true;
+        }
+        // Another map may drag a point of the same draft.
+        if !self.drags {
+            return false;
         }
         // The pointer may also have moved in the pass in which the button is released.
         if let Some(pos) = response.interact_pointer_pos() {
@@ -139,6 +158,7 @@ impl Map {
         }
         if !response.dragged() {
             draft.release();
+            self.drags = false;
         }
         draft.dragged().is_some()
     }
@@ -153,10 +173,7 @@ impl Map {
         at: At,
         labels: &mut Labels,
     ) {
-        let Some(buffer) = Inputs::of(cx.frame).mission else {
-            self.draft = None;
-            return;
-        };
+        let Some(buffer) = Inputs::of(cx.frame).mission else { return };
         let on_map = |pos: Pos2| at.viewport.to_plane(at.canvas, pos);
         if let Some(draft) = &mut self.draft {
             if let Ok(Some((mission, _))) = obeyed(cx.frame, map) {

@@ -4,9 +4,10 @@
 //! with that reason; a track can be aligned with another one by its first metres, and is marked as such. Ground truth
 //! is drawn on top, half transparent, and is off until it is switched on.
 
+mod badges;
 mod cell;
 mod cloud;
-mod draft;
+pub(crate) mod draft;
 mod entities;
 mod for_camera;
 mod for_scene;
@@ -27,9 +28,8 @@ mod training;
 mod uncertainty;
 mod undrawn;
 
-use crate::badge;
 use crate::canvas::Viewport;
-use crate::clip::{Near, is_place};
+use crate::clip::is_place;
 use crate::view::{Preview, SavedState, View, ViewContext};
 use egui::{Context, Pos2, Rect, Response, Role, Sense, Ui, Vec2, WidgetInfo};
 use entities::OnMap;
@@ -114,8 +114,10 @@ pub(crate) struct Map {
     measuring: bool,
     /// The layer that is to fill the canvas.
     zoom_to: Option<String>,
-    /// A mission that is being drawn.
+    /// A mission that is being drawn, during a pass: it belongs to the source ([`crate::view::Drafts`]).
     draft: Option<draft::Draft>,
+    /// Whether a point of it is being dragged on this map.
+    drags: bool,
     /// An example for learning that is being drawn.
     example: Option<training::Example>,
     /// The place of the legend in the previous pass.
@@ -182,6 +184,7 @@ impl View for Map {
             return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", &hint);
         };
         self.look_in(map);
+        self.take_draft(cx, map);
         self.fused = layers.iter().any(Layer::is_map);
         self.follow_preview(cx.selection.preview.get());
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
@@ -200,15 +203,16 @@ impl View for Map {
             self.panel(ui, cx.frame, map, &layers, panel);
         }
         self.canvas(ui, cx, map, &layers, canvas, panel_width > 0.0);
+        self.give_draft_back(cx, map);
         ui.advance_cursor_after_rect(area);
     }
 }
 
 impl Map {
-    /// Takes over the frame of the map. What was drawn and measured has positions in the frame before, and is dropped.
+    /// Takes over the frame of the map. What was outlined and measured has positions in the frame before, and is dropped.
     fn look_in(&mut self, map: &str) {
         if self.frame_id != map && !self.frame_id.is_empty() {
-            (self.draft, self.example, self.measured, self.kept) = (None, None, None, None);
+            (self.example, self.measured, self.kept) = (None, None, None);
         }
         map.clone_into(&mut self.frame_id);
     }
@@ -225,6 +229,17 @@ impl Map {
         let (preview, weights) = self.preview.as_ref()?;
         let writer = &layer.topic?.writer;
         (layer.is_map() && *writer == preview.process).then_some(weights)
+    }
+
+    /// Visible layers from bottom to top: a map with edited weights lies above the other grids, so that their effect is
+    /// seen.
+    fn by_preview<'a, 'b>(&self, shown: &[&'a Layer<'b>]) -> Vec<&'a Layer<'b>> {
+        let mut layers = shown.to_vec();
+        layers.sort_by_key(|layer| {
+            let is_grid = matches!(layer.kind, Kind::Grid(_));
+            (layer.is_ground_truth(), !is_grid, self.edited_weights(layer).is_some())
+        });
+        layers
     }
 
     /// Settings of a layer. Initially ground truth is off, and so are the sources of a fused map. The track of an
@@ -262,7 +277,7 @@ impl Map {
         let place = |layer: &Layer<'_>| layers::map_from_layer(cx.frame, map, layer);
         let mut is_over = false;
         self.ranges.clear();
-        for layer in &shown {
+        for layer in self.by_preview(&shown) {
             match (layer.kind, place(layer)) {
                 (Kind::Grid(grid), Ok(_)) => {
                     self.paint_grid(ui, cx.frame, layer, grid, map, viewport, canvas, is_over);
@@ -431,43 +446,6 @@ impl Map {
         self.looked_at = Some(source);
     }
 
-    /// Shows the number of implausible points in the visible layers, which are left out of the fitted region, and that a
-    /// map is shown as it would be with the weights that are being edited.
-    fn badges(&self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
-        let mut counts = Vec::new();
-        for layer in shown {
-            let pose = layers::map_from_layer(frame, map, layer);
-            let far = match (layer.kind, pose) {
-                (Kind::Track { .. }, _) => {
-                    self.tracks.placed.get(&layer.name).map_or(0, |track| track.judged.far)
-                }
-                (Kind::Grid(grid), Ok(pose)) => {
-                    let corners = Extent::of(grid).map(|extent| extent.corners).unwrap_or_default();
-                    usize::from(!corners.iter().all(|p| is_place(&(pose * *p).to_array())))
-                }
-                (Kind::Cloud, Ok(pose)) => {
-                    picture::cloud(ui.ctx(), layer, map, pose).map_or(0, |cloud| cloud.far)
-                }
-                (Kind::Entities(_), _) => self.flat(layer).map_or(0, |flat| flat.far),
-                (Kind::Path(path) | Kind::Poses(path), Ok(pose)) => {
-                    let points: Vec<_> = paint::path_points(path, &pose).collect();
-                    let near = Near::of(points.iter().copied());
-                    points.iter().filter(|point| !near.has(**point)).count()
-                }
-                (Kind::Goal(goal), Ok(pose)) => {
-                    let goal = crate::pose::from_message(goal.pose.as_ref());
-                    usize::from(goal.is_ok_and(|goal| !is_place(&(pose * goal.translation).to_array())))
-                }
-                (Kind::Plan(_) | Kind::Arcs(_) | Kind::Mission(_), Ok(_)) | (_, Err(_)) => 0,
-            };
-            counts.push((far, layer.name.as_str()));
-        }
-        badge::implausible(ui, canvas, "places", counts);
-        if shown.iter().any(|layer| self.edited_weights(layer).is_some()) {
-            paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, "preview: edited weights, not sent");
-        }
-    }
-
     /// Current positions and headings of what the visible tracks belong to, without ground truth.
     fn places(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Vec<[f64; 3]> {
         let layers = shown.iter().filter(|layer| !layer.is_ground_truth());
@@ -564,17 +542,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_drawn_and_measured_is_dropped_where_the_frame_of_the_map_changes() {
-        let mut map = Map {
-            draft: Some(draft::Draft::default()),
-            measured: Some([[0.0; 2]; 2]),
-            kept: Some([1.0, 2.0]),
-            ..Map::default()
-        };
+    fn what_was_measured_is_dropped_where_the_frame_of_the_map_changes() {
+        let mut map = Map { measured: Some([[0.0; 2]; 2]), kept: Some([1.0, 2.0]), ..Map::default() };
         map.look_in("local");
         map.look_in("local");
-        assert!(map.draft.is_some() && map.measured.is_some() && map.kept.is_some());
+        assert!(map.measured.is_some() && map.kept.is_some());
         map.look_in("global");
-        assert!(map.draft.is_none() && map.measured.is_none() && map.kept.is_none());
+        assert!(map.measured.is_none() && map.kept.is_none());
     }
 }

@@ -49,7 +49,8 @@ impl Map {
         let Ok(cells) = Cells::new(grid) else { return };
         let Some(shade) = cells.shade(state.shade.as_deref()) else { return };
         let weights = self.edited_weights(layer).filter(|_| shade.is_fused()).cloned();
-        let shows_below = is_over && cells.is_cost(&shade);
+        // What edited weights take away would look as before, if the map below were seen there.
+        let shows_below = is_over && weights.is_none() && cells.is_cost(&shade);
         let look = GridLook { shade, palette: self.saved.palette, weights, shows_below };
         let Some(picture) = GridPicture::of(ui.ctx(), layer, look) else { return };
         self.ranges.extend(picture.range.map(|range| (layer.name.clone(), range)));

@@ -30,7 +30,6 @@ impl Map {
             let measure = bar::tool_toggle(ui, form, icons::ICON_STRAIGHTEN, name, &mut view.measuring);
             if measure.clicked() {
                 view.measured = None;
-                view.draft = None;
                 view.example = None;
             }
         });

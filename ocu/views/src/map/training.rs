@@ -78,7 +78,6 @@ impl Map {
     /// Opens an example, or throws it away.
     pub(super) fn toggle_example(&mut self) {
         self.example = if self.example.is_some() { None } else { Some(Example::default()) };
-        self.draft = None;
         self.measuring = false;
     }
 

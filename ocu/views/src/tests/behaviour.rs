@@ -496,7 +496,7 @@ fn the_drive_view_says_how_the_vehicle_and_the_course_stand() {
     for text in ["FREE TO MOVE", "RUNNING", "meadow", "you"] {
         assert!(harness.query_by_label(text).is_some(), "{text}");
     }
-    for text in ["0:42.3 of 4:00.0", "63.9 m", "expected at most 1.3"] {
+    for text in ["0:42.3 of 4:00.0", "63.9 m", "expected at most 1.3", "Esc to keep it standing"] {
         assert!(harness.query_by_label_contains(text).is_some(), "{text}");
     }
 }

@@ -2,7 +2,8 @@
 
 use super::{Shown, harness};
 use crate::samples;
-use crate::view::{Hover, HoverPoint, TopicKey};
+use crate::view::{Hover, HoverPoint, TopicKey, View, ViewContext, show};
+use crate::views::view_type;
 use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -169,6 +170,83 @@ fn a_goal_of_a_mission_is_dragged_while_the_map_stays_and_deleted_in_its_menu() 
     click(&mut map, middle - Vec2::new(200.0, 100.0), PointerButton::Primary);
     assert!(map.query_by_label_contains("Drive here").is_none(), "a click beside the menu closes it");
     assert!(map.query_by_label_contains("1 goal, 0 keep-out zones: not sent").is_some(), "and adds no goal");
+}
+
+#[test]
+fn a_mission_that_was_not_sent_is_there_again_after_another_layout_and_after_measuring() {
+    let mut map = shown("map");
+    let middle = map.get_by_label("Map").rect().center();
+    map.get_by_label_contains("Draw a mission").click();
+    map.run();
+    for y in [60.0, 100.0, 140.0] {
+        click(&mut map, middle + Vec2::new(40.0, y), egui::PointerButton::Primary);
+    }
+    let drawn = "4 goals, 0 keep-out zones: not sent";
+    assert!(map.query_by_label_contains(drawn).is_some());
+    for kind in ["timing", "map"] {
+        map.state_mut().view = (view_type(kind).unwrap().make)();
+        map.run();
+    }
+    assert!(map.query_by_label_contains(drawn).is_some());
+    for is_drawn in [false, true] {
+        map.get_by_label("Measure a distance").click();
+        map.run();
+        assert_eq!(map.query_by_label_contains(drawn).is_some(), is_drawn);
+    }
+    map.get_by_label_contains("Draw a mission").click();
+    map.run();
+    assert!(map.query_by_label_contains(drawn).is_none(), "it was closed");
+}
+
+#[test]
+fn a_goal_is_dragged_on_one_of_two_maps_that_show_the_same_mission() {
+    let views = ["map", "map"].map(|kind| (view_type(kind).unwrap().make)());
+    let mut maps = Harness::builder()
+        .with_size(Vec2::new(1000.0, 500.0))
+        .with_render_cursor(false)
+        .with_context_setup(ocu_ui::install)
+        .build_ui_state(
+            |ui, (views, shown): &mut ([Box<dyn View>; 2], Shown)| {
+                let Shown { frame, selection, controls, wishes, .. } = shown;
+                ui.columns(2, |columns| {
+                    for (ui, view) in columns.iter_mut().zip(views) {
+                        show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection, wishes });
+                    }
+                });
+                selection.hovered.turn();
+            },
+            (views, Shown::new("map", samples::driving())),
+        );
+    maps.run_steps(4);
+    maps.query_all_by_label_contains("Draw a mission").next().unwrap().click();
+    maps.run_steps(4);
+    let middle = maps.query_all_by_label("Map").next().unwrap().rect().center();
+    let (from, to) = (middle + Vec2::new(40.0, 60.0), middle + Vec2::new(-40.0, 80.0));
+    maps.hover_at(from);
+    maps.run_steps(2);
+    maps.drag_at(from);
+    maps.drop_at(from);
+    maps.run_steps(3);
+    maps.hover_at(to);
+    maps.run_steps(3);
+    let [x_m, y_m, _] = maps.state().1.selection.hovered.get().point.clone().unwrap().position_m;
+
+    maps.hover_at(from);
+    maps.run_steps(2);
+    maps.drag_at(from);
+    maps.run_steps(2);
+    maps.hover_at(to);
+    maps.run_steps(2);
+    maps.drop_at(to);
+    maps.run_steps(3);
+    maps.query_all_by_label_contains("Send").next().unwrap().click();
+    maps.run_steps(3);
+    let mut missions = maps.state().1.controls.iter().filter_map(|control| match control {
+        Control::Write { message, .. } => message.to::<Mission>(),
+        _ => None,
+    });
+    let goal = missions.next_back().unwrap().goals[1];
+    assert!((goal.x_m - x_m).hypot(goal.y_m - y_m) < 1e-3, "{goal:?}, and not {x_m} {y_m}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::{Shown, harness};
 use crate::samples;
 use crate::view::{Preview, Previews, Wish};
+use crate::views::view_type;
 use egui::accesskit::Role;
 use egui::{Event, Key, Theme, Vec2};
 use egui_kittest::Harness;
@@ -105,6 +106,30 @@ fn undo_takes_back_what_was_sent_and_keeps_what_was_not() {
     take(&mut harness, 1.0);
     let preview = harness.state().selection.preview.get().cloned().unwrap();
     assert_eq!(preview.params.to::<SpeedLimit>().unwrap().max_speed_mps, 1.5);
+}
+
+#[test]
+fn what_was_not_sent_undo_and_kept_sets_are_there_again_after_another_layout() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    type_speed(&mut harness, "2");
+    harness.get_by_label_contains("Send 1").click();
+    harness.run();
+    take(&mut harness, 2.0);
+    harness.get_by_label("Parameters A").click();
+    harness.run();
+    type_speed(&mut harness, "1.5");
+    // Another layout has other views, and so has the one before that comes back.
+    for (kind, preview) in [("timing", None), ("tuning", Some(1.5))] {
+        harness.state_mut().view = (view_type(kind).unwrap().make)();
+        harness.run();
+        let now = harness.state().selection.preview.get().cloned();
+        let speed = now.map(|now| now.params.to::<SpeedLimit>().unwrap().max_speed_mps);
+        assert_eq!(speed, preview, "{kind}");
+    }
+    assert!(harness.query_by_label("Forget A and B").is_some());
+    harness.get_by_label_contains("Undo").click();
+    harness.run();
+    assert_eq!(sent(&harness), [2.0, 1.0]);
 }
 
 #[test]

@@ -11,6 +11,7 @@ const MOST: usize = 50;
 const DUE_NS: u64 = 3_000_000_000;
 
 /// A message that was sent.
+#[derive(Clone, Debug)]
 struct Sent {
     /// The parameters that it replaced.
     before: AnyMessage,
@@ -18,8 +19,8 @@ struct Sent {
 }
 
 /// The edited parameters of a process.
-#[derive(Default)]
-pub(super) struct Draft {
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Draft {
     /// The changes that were not sent: path and text.
     changes: BTreeMap<String, String>,
     /// The parameters with the changes, and those that they change.

@@ -3,7 +3,7 @@
 //! saved to the stack file.
 
 mod controls;
-mod draft;
+pub(crate) mod draft;
 
 use crate::command::refusal;
 use crate::view::{Preview, SavedState, View, ViewContext, Wish};
@@ -16,7 +16,6 @@ use rcs_msg::params::ParamSpec;
 use rcs_msg::{AnyMessage, rcs};
 use rcs_runtime::source::{Control, Frame};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub(crate) use controls::{Row as ParamRow, Rows as ParamRows};
@@ -36,8 +35,6 @@ struct Saved {
 #[derive(Default)]
 pub(crate) struct Tuning {
     saved: Saved,
-    /// Edited parameters, by process.
-    drafts: BTreeMap<String, Draft>,
     /// Address of a list of processes, and the process of it that fuses maps, or has parameters at all.
     usual: Option<(usize, String)>,
     /// Stands for this view where it states a preview.
@@ -73,14 +70,15 @@ impl View for Tuning {
             let text = format!("The parameters of {} cannot be read", info.name);
             return widgets::empty(ui, icons::ICON_ERROR, &text, &info.params_schema);
         };
-        let draft = self.drafts.entry(info.name.clone()).or_default();
+        let key = (info.name.clone(), cx.frame.is_beside.then(|| cx.frame.runs.current()));
+        let mut draft = cx.selection.drafts.params.remove(&key).unwrap_or_default();
         draft.follow(&in_force, &now);
         if let Some(status) = cx.frame.status(info) {
             draft.take_fault(cx.frame.now, status);
         }
         let may_send = refusal(cx.frame).is_none();
-        actions(ui, cx, info, draft, &in_force, self.saved.at_once);
-        notes(ui, cx.frame, info, draft);
+        actions(ui, cx, info, &mut draft, &in_force, self.saved.at_once);
+        notes(ui, cx.frame, info, &draft);
         let specs = draft.specs().to_vec();
         let value = draft.message(&in_force).value().unwrap_or(now.clone());
         let search = self.saved.search.trim().to_lowercase();
@@ -106,9 +104,10 @@ impl View for Tuning {
             draft.follow(&in_force, &now);
         }
         if self.saved.at_once && let_go && may_send && draft.is_changed() {
-            send(cx, info, draft, &in_force);
+            send(cx, info, &mut draft, &in_force);
         }
-        self.preview(cx, info, &in_force);
+        self.preview(cx, info, &draft, &in_force);
+        cx.selection.drafts.params.insert(key, draft);
     }
 }
 
@@ -159,14 +158,19 @@ impl Tuning {
     }
 
     /// Tells other views what is being edited.
-    fn preview(&self, cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, in_force: &AnyMessage) {
-        let draft = self.drafts.get(&info.name).filter(|draft| draft.is_changed());
+    fn preview(
+        &self,
+        cx: &mut ViewContext<'_>,
+        info: &rcs::ProcessInfo,
+        draft: &Draft,
+        in_force: &AnyMessage,
+    ) {
         let preview = &mut cx.selection.preview;
-        match draft.map(|draft| draft.message(in_force)) {
-            Some(params) => {
-                preview.set(&self.own, Preview { process: info.name.as_str().into(), params });
-            }
-            None => preview.end(&self.own, Some(&info.name)),
+        if draft.is_changed() {
+            let params = draft.message(in_force);
+            preview.set(&self.own, Preview { process: info.name.as_str().into(), params });
+        } else {
+            preview.end(&self.own, Some(&info.name));
         }
     }
 }

@@ -1,0 +1,100 @@
+//! The layouts that the user keeps: each as it was last arranged, in a file of its own, apart from the bundled ones.
+
+use crate::assets::{looks_like_path, read_text};
+use crate::bundled;
+use crate::layout::Layout;
+use anyhow::Context as _;
+use std::path::{Path, PathBuf};
+
+/// Their folder, in the folder of the program's data.
+pub(crate) fn folder(data_dir: &Path) -> PathBuf {
+    data_dir.join("layouts")
+}
+
+/// Whether a layout with this name comes with the program.
+pub(crate) fn is_bundled(name: &str) -> bool {
+    bundled::names("layout").contains(&name)
+}
+
+/// File name of a layout. Characters other than letters, digits and `-` in its name are replaced by `_`. No layout of the
+/// user's has the file of a bundled one.
+pub(crate) fn file_name(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
+    let stem: String = name.chars().take(64).map(plain).collect();
+    let prefix = if is_bundled(&stem) && !is_bundled(name) { "own-" } else { "" };
+    format!("{prefix}{stem}.ron")
+}
+
+/// Names of the layouts in a folder that are none of the bundled ones, sorted.
+pub(crate) fn names(folder: &Path) -> Vec<String> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> = files.filter_map(|file| name_of(&file.path())).collect();
+    names.retain(|name| !is_bundled(name));
+    names.sort();
+    names
+}
+
+/// The kept layout with this name; `None` if there is none. The error says why its file cannot be used.
+pub(crate) fn load(folder: &Path, name: &str) -> anyhow::Result<Option<Layout>> {
+    let path = folder.join(file_name(name));
+    if !path.exists() {
+        return Ok(None);
+    }
+    let layout = Layout::load(&path).context("the arrangement that was kept cannot be used")?;
+    // A file from before may have another name written in it.
+    Ok(Some(Layout { name: name.to_owned(), ..layout }))
+}
+
+/// The layout named on the command line: a bundled one, one that the user keeps, or a file.
+pub(crate) fn named(spec: &str, data_dir: Option<&Path>) -> anyhow::Result<Layout> {
+    if is_bundled(spec) {
+        return Layout::named(spec);
+    }
+    let folder = data_dir.map(folder);
+    let own = folder.as_deref().map(names).unwrap_or_default();
+    if let Some(folder) = folder.filter(|_| own.iter().any(|name| name == spec))
+        && let Some(kept) = load(&folder, spec)?
+    {
+        return Ok(kept);
+    }
+    if looks_like_path(spec) {
+        return Layout::named(spec);
+    }
+    let known = bundled::names("layout").into_iter().chain(own.iter().map(String::as_str));
+    let known: Vec<&str> = known.collect();
+    Err(crate::usage(format!("no layout is called {spec:?}; expected {} or a .ron file", known.join(", "))))
+}
+
+/// The name of the layout in a file: the one that is written in it, or that of the file if it cannot be read. `None` for
+/// a file that no layout with that name would have.
+fn name_of(path: &Path) -> Option<String> {
+    if path.extension().is_none_or(|extension| extension != "ron") {
+        return None;
+    }
+    let stem = path.file_stem()?.to_string_lossy().into_owned();
+    let written = read_text(path).ok().and_then(|text| Layout::name_in(&text));
+    let mut names = written.into_iter().chain([stem]);
+    names.find(|name| path.file_name().is_some_and(|file| file == file_name(name).as_str()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kept_layout_is_named_on_the_command_line_and_a_damaged_one_is_refused_with_its_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = folder(dir.path()).join("mine.ron");
+        let mine = Layout { name: "mine".to_owned(), ..Layout::empty() };
+        mine.save(&path).unwrap();
+        let named = |spec: &str| named(spec, Some(dir.path()));
+        assert_eq!(named("mine").unwrap(), mine);
+        assert_eq!(named("default").unwrap().name, "default");
+        let unknown = named("yours").unwrap_err().to_string();
+        assert!(unknown.contains("default") && unknown.contains("mine"), "{unknown}");
+
+        std::fs::write(&path, "Layout(version: 77)").unwrap();
+        let damaged = crate::say(&named("mine").unwrap_err());
+        assert!(damaged.contains("mine.ron:1") && damaged.contains("version 77"), "{damaged}");
+    }
+}

@@ -1,0 +1,135 @@
+//! Notes at the top of a map: what is left out of it, and that it is a preview.
+
+use super::grid::Extent;
+use super::layers::{self, Kind, Layer};
+use super::{Map, paint, picture};
+use crate::badge;
+use crate::clip::{Near, is_place};
+use egui::{Rect, Ui};
+use ocu_ui::icons;
+use rcs_runtime::source::Frame;
+
+impl Map {
+    /// Shows the number of implausible points in the visible layers, which are left out of the fitted region, and that a
+    /// map is shown as it would be with the weights that are being edited.
+    pub(super) fn badges(&self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
+        let mut counts = Vec::new();
+        for layer in shown {
+            let pose = layers::map_from_layer(frame, map, layer);
+            let far = match (layer.kind, pose) {
+                (Kind::Track { .. }, _) => {
+                    self.tracks.placed.get(&layer.name).map_or(0, |track| track.judged.far)
+                }
+                (Kind::Grid(grid), Ok(pose)) => {
+                    let corners = Extent::of(grid).map(|extent| extent.corners).unwrap_or_default();
+                    usize::from(!corners.iter().all(|p| is_place(&(pose * *p).to_array())))
+                }
+                (Kind::Cloud, Ok(pose)) => {
+                    picture::cloud(ui.ctx(), layer, map, pose).map_or(0, |cloud| cloud.far)
+                }
+                (Kind::Entities(_), _) => self.flat(layer).map_or(0, |flat| flat.far),
+                (Kind::Path(path) | Kind::Poses(path), Ok(pose)) => {
+                    let points: Vec<_> = paint::path_points(path, &pose).collect();
+                    let near = Near::of(points.iter().copied());
+                    points.iter().filter(|point| !near.has(**point)).count()
+                }
+                (Kind::Goal(goal), Ok(pose)) => {
+                    let goal = crate::pose::from_message(goal.pose.as_ref());
+                    usize::from(goal.is_ok_and(|goal| !is_place(&(pose * goal.translation).to_array())))
+                }
+                (Kind::Plan(_) | Kind::Arcs(_) | Kind::Mission(_), Ok(_)) | (_, Err(_)) => 0,
+            };
+            counts.push((far, layer.name.as_str()));
+        }
+        badge::implausible(ui, canvas, "places", counts);
+        if let Some(text) = self.preview_text(shown) {
+            paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, &text);
+        }
+    }
+
+    /// Which maps are shown with weights that are being edited; `None` for none.
+    fn preview_text(&self, shown: &[&Layer<'_>]) -> Option<String> {
+        let previewed = shown.iter().filter(|layer| self.edited_weights(layer).is_some());
+        let names: Vec<&str> = previewed.map(|layer| layer.name.as_str()).collect();
+        (!names.is_empty()).then(|| format!("preview of {}: edited weights, not sent", names.join(", ")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::LayerState;
+    use crate::samples;
+    use crate::view::{Preview, Selection, View, ViewContext};
+    use egui::Vec2;
+    use egui_kittest::Harness;
+    use rcs_msg::AnyMessage;
+    use rcs_msg::foxglove::{Grid, Vector2};
+    use rcs_msg::rcs::SpeedLimit;
+    use rcs_world::{Source, Weights};
+
+    /// A preview of the map of `wm1` in which stereo, its only source, has no weight.
+    fn preview() -> (Preview, Weights) {
+        // Any message will do: the weights are read already.
+        let params = AnyMessage::new(SpeedLimit { max_speed_mps: 1.0 });
+        (Preview { process: "wm1".into(), params }, Weights::default().with(Source::STEREO, 0.0))
+    }
+
+    /// A drive with another grid, with cells of this side, on a part of the map of `wm1`.
+    fn with_grid(cell_m: f64) -> Frame {
+        let mut frame = samples::driving();
+        let cell_size = Some(Vector2 { x: cell_m, y: cell_m });
+        let grid = samples::topic("/other", 5.0, 0.1, Grid { cell_size, ..samples::grid(10, 10) });
+        frame.topics = frame.topics.iter().cloned().chain([grid]).collect();
+        frame
+    }
+
+    #[test]
+    fn a_map_with_edited_weights_lies_above_finer_grids_and_its_note_names_it() {
+        let frame = with_grid(0.1);
+        let layers = layers::layers(&frame);
+        let shown: Vec<_> = layers.iter().filter(|layer| !layer.is_ground_truth()).collect();
+        let top = |map: &Map| {
+            let layers = map.by_preview(&shown);
+            let mut grids = layers.into_iter().filter(|layer| matches!(layer.kind, Kind::Grid(_)));
+            grids.next_back().map(|layer| layer.name.clone())
+        };
+        let mut map = Map::default();
+        assert_eq!((top(&map).as_deref(), map.preview_text(&shown)), (Some("/other"), None));
+        map.preview = Some(preview());
+        let text = map.preview_text(&shown);
+        assert_eq!(text.as_deref(), Some("preview of /wm1/map: edited weights, not sent"));
+        assert_eq!(top(&map).as_deref(), Some("/wm1/map"));
+    }
+
+    #[test]
+    fn what_edited_weights_take_away_is_not_seen_on_a_coarser_grid_below() {
+        let picture = |is_shown: bool| {
+            let (preview, weights) = preview();
+            let mut selection = Selection::default();
+            selection.preview.set(&std::sync::Arc::new(()), preview.clone());
+            selection.preview.turn();
+            let mut map = Map { preview: Some((preview, weights)), ..Map::default() };
+            let other = LayerState { shown: is_shown, ..LayerState::default() };
+            map.saved.layers.insert("/other".to_owned(), other);
+            let mut harness = Harness::builder()
+                .with_size(Vec2::new(500.0, 400.0))
+                .with_context_setup(ocu_ui::install)
+                .build_ui_state(
+                    |ui, (map, frame, selection): &mut (Map, Frame, Selection)| {
+                        let (mut controls, mut wishes) = (Vec::new(), Vec::new());
+                        let (controls, wishes) = (&mut controls, &mut wishes);
+                        map.ui(ui, &mut ViewContext { frame, controls, selection, wishes });
+                    },
+                    (map, with_grid(0.4), selection),
+                );
+            harness.run_steps(3);
+            assert!(harness.state().0.preview.is_some());
+            // The part of the map on which the other grid lies.
+            let image = harness.render().unwrap();
+            let middle = (190..310).flat_map(|x| (160..280).map(move |y| (x, y)));
+            middle.map(|(x, y)| *image.get_pixel(x, y)).collect::<Vec<_>>()
+        };
+        assert!(picture(true) == picture(false));
+    }
+}
