@@ -217,7 +217,7 @@ fn recordings_agree_whether_their_maps_were_recorded_whole_or_as_deltas() {
     let Recorded { maps, path, _folder } = recorded();
     let whole = path.with_file_name("whole.mcap");
     record(&whole, &maps, None);
-    let args = DiffArgs { first: path, second: whole, json: false };
+    let args = DiffArgs { first: path, second: whole, all: false, json: false };
     assert_eq!(ocu_app::diff::diff(&args, &mut Vec::new()).unwrap(), Ended::Well);
 }
 

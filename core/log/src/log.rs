@@ -125,10 +125,7 @@ impl Log {
         by_index: bool,
         left_to_check: &mut u64,
     ) -> Result<Opened, LogError> {
-        let front = source.read(0, source.length().min(MAGIC.len() as u64) as usize)?;
-        if front != MAGIC.as_slice() {
-            return Err(LogError::NotALog { got: what_begins(&front), path: source.path().to_owned() });
-        }
+        Self::check_front(source)?;
         if by_index {
             match summary::read(source)? {
                 Ok(summary) => open_with(source, &summary, left_to_check),
@@ -138,6 +135,15 @@ impl Log {
             let summary = summary::read(source)?.ok();
             open_by_scan(source, summary.as_ref(), "read by a scan, as asked for".to_owned())
         }
+    }
+
+    /// Refuses a file that does not begin like a log.
+    pub(crate) fn check_front(source: &Source) -> Result<(), LogError> {
+        let front = source.read(0, source.length().min(MAGIC.len() as u64) as usize)?;
+        if front == MAGIC.as_slice() {
+            return Ok(());
+        }
+        Err(LogError::NotALog { got: what_begins(&front), path: source.path().to_owned() })
     }
 
     pub(crate) fn new(source: Source, opened: Opened, gaps: Vec<Gap>, parts: Parts) -> Self {

@@ -23,6 +23,24 @@ impl Log {
         }
     }
 
+    /// Refuses what [`Log::open_parts`] refuses by their first bytes, of which it reads eight of each file: a file that
+    /// cannot be opened, and files of which none begins like a log.
+    pub fn probe_parts(paths: &[impl AsRef<Path>]) -> Result<(), LogError> {
+        let (mut has_log, mut refused) = (false, None);
+        for path in paths {
+            match Self::check_front(&Source::open(path.as_ref())?) {
+                Err(LogError::NotALog { got, path }) => {
+                    refused = refused.or(Some(LogError::NotALog { got, path }));
+                }
+                begins => {
+                    begins?;
+                    has_log = true;
+                }
+            }
+        }
+        refused.filter(|_| !has_log).map_or(Ok(()), Err)
+    }
+
     /// Like [`Log::open_parts`], with the limit up to which parts are checked: if their files have at most `most` bytes
     /// together, as many as have at most so many bytes uncompressed.
     fn open_parts_checking(paths: &[impl AsRef<Path>], most: u64) -> Result<Self, LogError> {

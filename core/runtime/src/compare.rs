@@ -5,7 +5,7 @@
 //! by time, and none is kept longer than that.
 
 use crate::stack::names;
-use rcs_log::{Cursor, CursorOptions, Log, LogError, LogMessage, Reassembly};
+use rcs_log::{Cursor, Log, LogError, LogMessage, Reassembly};
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value, rcs};
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Display;
@@ -327,21 +327,21 @@ pub(crate) fn is_measured(topic: &str) -> bool {
     topic == names::TIMING
 }
 
-/// The first message in which two recordings differ; `None` if they agree. Reads both in one pass, in parallel.
-pub fn diff(a: &Log, b: &Log) -> Result<Option<Difference>, LogError> {
-    let cursor = |log: &Log| log.cursor(CursorOptions::default()).peekable();
-    let (mut ones, mut others) = (cursor(a), cursor(b));
-    let mut reassembly = [a, b].map(Reassembly::new);
-    let mut matcher = Matcher::new(a.info().start);
-    loop {
-        let (one, other) = (next_time(&mut ones)?, next_time(&mut others)?);
-        let Some(time) = one.into_iter().chain(other).min() else { return Ok(None) };
-        put_until(&mut matcher, Side::First, a, &mut reassembly[0], &mut ones, time)?;
-        put_until(&mut matcher, Side::Second, b, &mut reassembly[1], &mut others, time)?;
-        if let Some(difference) = matcher.settle() {
-            return Ok(Some(difference));
-        }
-    }
+/// Whether the messages of a buffer are compared between two runs: the identity of a run and measured times differ by
+/// their nature.
+pub(crate) fn is_compared(buffer: &str) -> bool {
+    !is_measured(buffer) && buffer != names::RUN
+}
+
+/// The first field in which two messages of one type differ, and both values as text; empty where no field shows it.
+pub(crate) fn differing(a: &AnyMessage, b: &AnyMessage) -> (String, [String; 2]) {
+    let found = differing_field(a, b);
+    (found.field, found.values)
+}
+
+/// Of two texts that differ, the parts with the first difference, in quotes.
+pub(crate) fn differing_parts(texts: [&str; 2]) -> [String; 2] {
+    Found::of_long_texts("", texts).values
 }
 
 /// Time of the next message.
@@ -353,7 +353,7 @@ pub(crate) fn next_time(cursor: &mut Peekable<Cursor>) -> Result<Option<Stamp>, 
     }
 }
 
-/// Adds every message up to and including a time, except measured times.
+/// Adds every message of the wanted buffers up to and including a time.
 pub(crate) fn put_until(
     matcher: &mut Matcher,
     side: Side,
@@ -361,11 +361,12 @@ pub(crate) fn put_until(
     reassembly: &mut Reassembly,
     cursor: &mut Peekable<Cursor>,
     time: Stamp,
+    is_wanted: fn(&str) -> bool,
 ) -> Result<(), LogError> {
     while next_time(cursor)?.is_some_and(|next| next <= time) {
         let Some(message) = cursor.next().transpose()? else { return Ok(()) };
         let entry = Entry::of(&message, log, reassembly);
-        if let Some((topic, entry)) = entry.filter(|(topic, _)| !is_measured(topic)) {
+        if let Some((topic, entry)) = entry.filter(|(topic, _)| is_wanted(topic)) {
             matcher.put(side, &topic, entry);
         }
     }

@@ -392,7 +392,8 @@ impl Replay {
         }
         let recording = &self.recorded.recording;
         let (reassembly, messages) = (&mut self.reassembly, &mut self.messages);
-        put_until(&mut self.matcher, Side::First, recording, reassembly, messages, time)?;
+        let is_wanted = |buffer: &str| !is_measured(buffer);
+        put_until(&mut self.matcher, Side::First, recording, reassembly, messages, time, is_wanted)?;
         if self.recorded.from.is_some_and(|from| time <= from) {
             // What was before the recording is not in it, except for what held when it began.
             self.matcher.forget();

@@ -9,11 +9,12 @@ use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, DeferredSource as _, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Task, finish_idle};
 use rcs_runtime::{
-    Difference, EventPlace, ExternalEvent, Live, LiveOptions, NoAssets, PastOptions, RecordOptions,
-    RecordWhat, RecordedRun, Recording, Replay, RunOptions, Stepped, diff,
+    Difference, EventPlace, ExternalEvent, Live, LiveOptions, NoAssets, PastOptions, Plan, RecordOptions,
+    RecordWhat, RecordedRun, Recording, Replay, RunOptions, StackFile, Stepped, diff, diff_each, diff_runs,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 fn hashing() -> RunOptions {
@@ -158,6 +159,47 @@ fn two_recordings_of_runs_that_differ_are_told_apart_where_they_first_do() {
     let found = diff(&Log::open(&path).unwrap(), &Log::open(&other).unwrap()).unwrap().unwrap();
     assert_eq!((found.buffer.as_str(), found.time_s), ("/counter/params", 0.5), "{found:?}");
     assert_eq!(found.field, ".publish_hz");
+}
+
+#[test]
+fn what_runs_say_of_themselves_is_told_apart_from_the_first_difference_of_each_buffer() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, seed: u64, hz: &str| {
+        let path = folder.path().join(name);
+        let overrides = [("counter.publish_hz".to_owned(), hz.to_owned())];
+        let file = StackFile::parse("test.toml", PAIR).unwrap();
+        let plan = Arc::new(Plan::new(file, PLUGINS, &overrides).unwrap());
+        let mut run = Stepped::new(plan, None, RunOptions { seed, ..RunOptions::default() }).unwrap();
+        let options = RecordOptions { lossless: true, ..RecordOptions::default() };
+        let recording = Recording::start(&path, run.plan(), run.buffers(), &options).unwrap();
+        run.begin().unwrap();
+        run.run_until(seconds(0.5)).unwrap();
+        recording.finish_at(run.now()).unwrap();
+        Log::open(&path).unwrap()
+    };
+    let told = |a: &Log, b: &Log| -> Vec<(String, [String; 2])> {
+        diff_runs(a, b).unwrap().into_iter().map(|run| (run.field, run.values)).collect()
+    };
+    let values = |field: &str, values: [&str; 2]| (field.to_owned(), values.map(str::to_owned));
+    let (plain, seeded, faster) = (run("plain", 7, "5"), run("seeded", 8, "5"), run("faster", 7, "6"));
+    assert_eq!((told(&plain, &plain), diff_each(&plain, &plain).unwrap()), (vec![], vec![]));
+    // The adder sums the random numbers of the counter.
+    assert_eq!(told(&plain, &seeded), [values("seed", ["7", "8"])]);
+    let first = diff(&plain, &seeded).unwrap().unwrap();
+    assert_eq!((first.buffer.as_str(), first.field.as_str()), ("/counter/count", ".y"), "{first:?}");
+    let each = diff_each(&plain, &seeded).unwrap();
+    let buffers: Vec<&str> = each.iter().map(|difference| difference.buffer.as_str()).collect();
+    assert_eq!((each.first(), buffers), (Some(&first), vec!["/counter/count", "/adder/sum"]));
+    let params = ["counter.publish_hz = 5", "counter.publish_hz = 6"];
+    assert_eq!(told(&plain, &faster), [values("params", params)]);
+    let first = diff(&plain, &faster).unwrap().unwrap();
+    assert_eq!((first.buffer.as_str(), first.field.as_str()), ("/counter/params", ".publish_hz"));
+    assert_eq!(first.values, ["5", "6"]);
+    // A log that is no run has nothing to say of one.
+    let log = folder.path().join("log");
+    common::write_log(&log, &[(0.0, "/a", 1.0)]);
+    let log = Log::open(&log).unwrap();
+    assert_eq!((told(&log, &log), told(&plain, &log)), (vec![], vec![values("run", ["a run", ""])]));
 }
 
 #[test]

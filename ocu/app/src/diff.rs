@@ -1,7 +1,8 @@
-//! `ocu diff`: compares two recordings and reports the first difference.
+//! `ocu diff`: compares two recordings and reports the first difference, or that of each buffer.
 
 use crate::cli::DiffArgs;
-use crate::run::{Comparison, LogDamage};
+use crate::comparison::Comparison;
+use crate::run::LogDamage;
 use crate::{Ended, stacks};
 use anyhow::Context as _;
 use std::io::Write;
@@ -10,7 +11,13 @@ use std::io::Write;
 /// far as they can be read.
 pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let (first, second) = (stacks::open_log(&args.first)?, stacks::open_log(&args.second)?);
-    let comparison = Comparison::new(rcs_runtime::diff(&first, &second)?.as_ref());
+    let runs = rcs_runtime::diff_runs(&first, &second)?;
+    let differences = if args.all {
+        rcs_runtime::diff_each(&first, &second)?
+    } else {
+        rcs_runtime::diff(&first, &second)?.into_iter().collect()
+    };
+    let comparison = Comparison::of_recordings([&first, &second], runs, &differences, args.all);
     // Includes damage found while reading, such as map deltas that could not be applied and were not compared.
     for (log, path) in [(&first, &args.first), (&second, &args.second)] {
         for problem in log.problems() {
@@ -21,7 +28,7 @@ pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         serde_json::to_writer_pretty(&mut *out, &comparison).context("cannot write the result")?;
         writeln!(out)?;
     } else {
-        writeln!(out, "{}", comparison.line())?;
+        comparison.write(out)?;
     }
     if !comparison.equal {
         return Ok(Ended::Failed);

@@ -24,10 +24,12 @@
 //! assert!(String::from_utf8(out).unwrap().contains("world_model"));
 //! ```
 
+mod asked;
 pub mod assets;
 pub mod bundled;
 pub mod check;
 pub mod cli;
+mod comparison;
 pub mod cut;
 pub mod diff;
 pub mod eval;

@@ -40,6 +40,34 @@ pub struct SweptRun {
     pub parts: Vec<PathBuf>,
 }
 
+/// What a file is that a person names, drops or chooses, by the ending of its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FileKind {
+    /// Any other ending.
+    Recording,
+    /// `.toml`
+    Stack,
+    /// `.ron`
+    Layout,
+    /// What a run remembers: `.json`
+    Remembered,
+}
+
+impl FileKind {
+    pub(crate) fn of(path: &Path) -> Self {
+        let is = |ending: &str| path.extension().is_some_and(|known| known.eq_ignore_ascii_case(ending));
+        if is("toml") {
+            Self::Stack
+        } else if is("ron") {
+            Self::Layout
+        } else if is("json") {
+            Self::Remembered
+        } else {
+            Self::Recording
+        }
+    }
+}
+
 /// What is between the parts of a source's title.
 const BETWEEN: &str = " · ";
 
@@ -75,8 +103,7 @@ impl Request {
     /// The request for a file dropped on the window: a stack runs on the open recording, any other file is opened as a
     /// recording.
     pub fn dropped(path: &Path, current: &Self) -> Self {
-        let is_stack = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-        if is_stack {
+        if FileKind::of(path) == FileKind::Stack {
             let past = current.past.clone();
             Self {
                 log: current.log.clone(),

@@ -10,8 +10,8 @@
 
 use crate::assets::{ProgramAssets, read_text};
 use anyhow::Context as _;
-use rcs_msg::Schema;
 use rcs_msg::params::{ParamSpec, specs};
+use rcs_msg::{Schema, from_json_as};
 use rcs_runtime::source::Frame;
 use rcs_runtime::{Asset, Assets, Plan, Stepped};
 use serde::{Deserialize, Serialize};
@@ -90,7 +90,13 @@ impl Remembered {
     pub(crate) fn load(path: &Path) -> anyhow::Result<Self> {
         let read = || -> anyhow::Result<Self> {
             let text = read_text(path).map_err(anyhow::Error::msg)?;
-            let file: File = serde_json::from_str(&text)?;
+            let file: File = serde_json::from_str(&text).map_err(|error| match parameter_of(&text) {
+                None => anyhow::Error::new(error),
+                Some(parameter) => anyhow::anyhow!(
+                    "{error}; this is the file of one parameter: `ocu run --param {parameter}={}`",
+                    path.display()
+                ),
+            })?;
             anyhow::ensure!(file.format == FORMAT, "format is {}, expected {FORMAT}", file.format);
             Ok(Self { texts: file.remembered })
         };
@@ -149,6 +155,17 @@ impl Remembered {
         );
         Ok(overrides)
     }
+}
+
+/// The parameter that holds a text as `ocu run --save` writes it, as `plugin.field`: what one process remembers.
+fn parameter_of(text: &str) -> Option<String> {
+    rcs_plugins::all().iter().find_map(|kind| {
+        let names = remembered(kind.params_schema());
+        let outputs = kind.outputs().into_iter().filter(|port| names.iter().any(|name| name == port.name));
+        let mut read = outputs.filter_map(|port| Some((port.name, from_json_as(&port.schema, text).ok()?)));
+        let (field, _) = read.find(|(_, message)| !message.bytes().is_empty())?;
+        Some(format!("{}.{field}", kind.def().plugin))
+    })
 }
 
 /// The parameters of a plugin that hold what it remembers.

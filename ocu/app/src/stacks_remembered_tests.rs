@@ -83,6 +83,23 @@ fn what_a_run_remembers_is_a_parameter_of_the_next_one() {
     assert_eq!(refused, "the stack lagr_stereo_only remembers nothing from run to run");
 }
 
+#[test]
+fn a_file_of_what_one_process_remembers_is_refused_with_the_parameter_that_reads_it() {
+    let check = |text: &str, expected: &str| {
+        let error = crate::say(&loaded(text).unwrap_err());
+        assert!(error.contains(expected) && error.contains("remembered.json"), "{error}");
+    };
+    check(
+        r#"{"format": 1, "zone": 18, "eastingM": 5.0, "columns": 3}"#,
+        "ocu run --param map_memory.memory=",
+    );
+    check(r#"{"format": 1, "zone": 18, "places": []}"#, "ocu run --param waypoint_generator.slips=");
+    for text in ["{}", "[]", r#"{"format": 1, "nonsense": 2}"#] {
+        let error = crate::say(&loaded(text).unwrap_err());
+        assert!(!error.contains("--param"), "{error}");
+    }
+}
+
 /// What the window shows of a stack that has not run yet.
 fn first_frame(stack: &str) -> Frame {
     open(&Request { stack: Some(stack.to_owned()), ..Request::default() }).unwrap().frame()

@@ -205,6 +205,13 @@ fn wrong_usage_is_told_from_a_failed_run() {
     assert_eq!(ocu(&["run", "--stack", "sample", "--log", log, "--param", "nobody.x=1"]).0, 2);
     assert_eq!(ocu(&["run", "--stack", "sample", "--log", log, "--param", "x"]).0, 2);
     assert_eq!(ocu(&["run", "--stack", "sample"]).0, 2);
+    // What the window would open is refused before there is one.
+    for args in
+        [&["replay", log][..], &["--course", "nowhere"], &[log, "--stack", "nonsense"], &[text(&absent)]]
+    {
+        let (code, _, errors) = ocu(args);
+        assert!(code == 2 && errors.starts_with("error: "), "{args:?}: {errors}");
+    }
     let fitting = dir.path().join("fitting.png");
     let args = ["render", log, "--at", "1", "--size", "320x200", "-o", text(&fitting)];
     assert_eq!(ocu(&args).0, 0, "without a layout, the one that fits");

@@ -96,7 +96,15 @@ fn a_live_run_of_the_simulation_with_an_operator_replays_to_the_same_hash() {
         assert_eq!(found["first"]["buffer"], "/localization/local", "{found}");
         assert_eq!(found["first"]["sequence"], sequence, "{found}");
         let keys: Vec<_> = found["first"].as_object().unwrap().keys().map(String::as_str).collect();
-        assert_eq!(keys, ["buffer", "field", "sequence", "time_s"]);
+        assert_eq!(keys, ["buffer", "field", "sequence", "time_s", "values", "writer"]);
+        assert_eq!(found["first"]["writer"], "localization");
+        let values: Vec<&str> = found["first"]["values"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|value| value.as_str().unwrap())
+            .collect();
+        assert_ne!(values[0], values[1], "{found}");
         assert!(found["first"]["field"].as_str().unwrap().starts_with('.'), "{found}");
     }
 }

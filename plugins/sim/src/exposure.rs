@@ -202,7 +202,7 @@ mod tests {
             key in any::<u64>(),
             values in prop::collection::vec(any::<u8>(), 40 * 40 * 3),
         ) {
-            let spec = CameraSpec { vignette, dark_noise, shot_noise, ..camera() };
+            let spec = CameraSpec { dark_noise, shot_noise, vignette, ..camera() };
             let first_row = first.index(height);
             let count = width * (height - first_row);
             let exposure = Exposure { gain, key };

@@ -98,6 +98,8 @@ fn a_part_that_is_no_log_is_named_and_the_others_are_read() {
     std::fs::write(&paths[2], last).unwrap();
     let log = Log::open_parts(&paths).unwrap();
     assert_eq!((told(&log), log.info().lost), (alone, Lost { bytes: 4, messages: 0 }));
+    Log::probe_parts(&paths).unwrap();
     let error = Log::open_parts(&paths[..2]).unwrap_err();
     assert!(matches!(error, LogError::NotALog { .. }), "{error}");
+    assert_eq!(Log::probe_parts(&paths[..2]).unwrap_err().to_string(), error.to_string());
 }

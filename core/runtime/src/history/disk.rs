@@ -53,8 +53,9 @@ impl Drop for Folder {
     }
 }
 
-/// Removes the folders of processes that have ended, and returns their number.
-pub(crate) fn remove_abandoned(root: &Path) -> usize {
+/// Removes the pasts that killed programs have left in a folder ([`PastOptions::folder`](crate::PastOptions::folder)),
+/// and returns their number. Those of programs that run stay.
+pub fn remove_abandoned_pasts(root: &Path) -> usize {
     let Ok(entries) = fs::read_dir(root) else { return 0 };
     let mut removed = 0;
     for path in entries.flatten().map(|entry| entry.path()) {
@@ -329,9 +330,9 @@ mod tests {
         fs::write(root.path().join("1-0.lock"), b"").unwrap();
         fs::create_dir(root.path().join("1-0")).unwrap();
         fs::write(root.path().join("1-0/0.past"), b"dead").unwrap();
-        assert_eq!(remove_abandoned(root.path()), 1);
+        assert_eq!(remove_abandoned_pasts(root.path()), 1);
         assert!(!root.path().join("1-0").exists() && !root.path().join("1-0.lock").exists());
         assert_eq!(piece.read().unwrap(), b"alive");
-        assert_eq!(remove_abandoned(&root.path().join("absent")), 0);
+        assert_eq!(remove_abandoned_pasts(&root.path().join("absent")), 0);
     }
 }

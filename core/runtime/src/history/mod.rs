@@ -19,6 +19,7 @@ mod samples;
 mod spill;
 mod stretch;
 
+pub use disk::remove_abandoned_pasts;
 pub use options::PastOptions;
 pub(crate) use reader::{Piece, RunReader};
 pub use retention::PastUse;

@@ -96,7 +96,8 @@ pub enum Command {
 /// `ocu [LOG]`
 #[derive(Debug, Clone, Default, Args)]
 pub struct WindowArgs {
-    /// Recording to open: a file, or the folder or the first file of a recording that was split
+    /// Recording to open: a file, or the folder or the first file of a recording that was split; or a stack (.toml), a
+    /// layout (.ron), or what a run remembers (.json)
     pub log: Option<PathBuf>,
     /// Further files of the same recording
     #[arg(value_name = "PART")]

@@ -6,8 +6,9 @@ use std::path::PathBuf;
 
 /// `ocu diff`
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --json\n\n\
-                        Messages are compared by buffer and number; measured time is left out. Exit codes: 0 the \
+#[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --all\n\n\
+                        Messages are compared by buffer and number; measured time is left out. What the recordings \
+                        say of their runs (stack, parameters, seed, build) is told first. Exit codes: 0 the \
                         recordings agree, 1 they differ, 3 they agree as far as they can be read, but one is \
                         damaged.")]
 pub struct DiffArgs {
@@ -15,6 +16,9 @@ pub struct DiffArgs {
     pub first: PathBuf,
     /// Recording with which it is compared; of one that was split, the folder or the first file
     pub second: PathBuf,
+    /// Tell the first difference of each buffer, not only the first of all
+    #[arg(long)]
+    pub all: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,

@@ -16,7 +16,7 @@ use acts::Act;
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
-pub(crate) use report::{Comparison, LogDamage};
+pub(crate) use report::LogDamage;
 use report::{Outcome, Report};
 use std::io::Write;
 use std::path::{Path, PathBuf};

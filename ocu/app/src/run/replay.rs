@@ -1,9 +1,10 @@
 //! `ocu run --replay`: repeats a recorded run and compares it with the recording.
 
-use super::report::{Comparison, LogDamage, Outcome};
+use super::report::{LogDamage, Outcome};
 use super::{Done, check_assets, overrides, plan, record};
 use crate::assets::ProgramAssets;
 use crate::cli::RunArgs;
+use crate::comparison::Comparison;
 use crate::output::Files;
 use crate::{Ended, parts, stacks, usage};
 use anyhow::Context as _;
@@ -47,7 +48,7 @@ pub(super) fn run(
     let recording = args.record.as_deref().map(|path| record(args, &run, path)).transpose()?;
     let mut replay = Replay::new(recorded, run)?;
     let failure = replay.run_until(until).err().map(Into::into);
-    let comparison = Comparison::new(replay.first());
+    let comparison = Comparison::with_recording(&original, replay.first());
     let equal = comparison.equal;
     let run = replay.run();
     let mut done = Done::new(run, args, Outcome::End, failure, log.as_ref(), (recording, clock, seed), false);

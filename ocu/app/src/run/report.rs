@@ -1,6 +1,7 @@
 //! The report of `ocu run`, for all kinds of runs.
 
 use crate::check::Lost;
+use crate::comparison::Comparison;
 use crate::plain::plain;
 use crate::runs::RunReport;
 use crate::table::{Align, Table};
@@ -8,7 +9,7 @@ use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_log::Log;
 use rcs_msg::rcs::{ProcessState, ProcessTiming};
-use rcs_runtime::{Difference, ProcessSummary, Summary};
+use rcs_runtime::{ProcessSummary, Summary};
 use serde::Serialize;
 use std::io::Write;
 
@@ -99,48 +100,6 @@ impl LogDamage {
         let (lost, problems) = (log.lost(), log.problems());
         let is_damaged = lost != rcs_log::Lost::default() || !problems.is_empty();
         is_damaged.then(|| Self { lost: lost.into(), problems })
-    }
-}
-
-/// Whether two runs have equal outputs, for `ocu diff --json` and for `replay` of `ocu run --json`.
-#[derive(Debug, Serialize)]
-pub(crate) struct Comparison {
-    pub(crate) equal: bool,
-    pub(crate) first: Option<First>,
-}
-
-/// The first message that differs.
-#[derive(Debug, Serialize)]
-pub(crate) struct First {
-    time_s: f64,
-    buffer: String,
-    sequence: u64,
-    field: String,
-    #[serde(skip)]
-    detail: String,
-}
-
-impl Comparison {
-    pub(crate) fn new(first: Option<&Difference>) -> Self {
-        let first = first.map(|first| First {
-            time_s: first.time_s,
-            buffer: first.buffer.clone(),
-            sequence: first.sequence,
-            field: first.field.clone(),
-            detail: first.detail.clone(),
-        });
-        Self { equal: first.is_none(), first }
-    }
-
-    /// One line of text.
-    pub(crate) fn line(&self) -> String {
-        match &self.first {
-            None => "equal".to_owned(),
-            Some(first) => format!(
-                "differs from {:.6} s on: {} message {}, {}: {}",
-                first.time_s, first.buffer, first.sequence, first.field, first.detail
-            ),
-        }
     }
 }
 

@@ -11,7 +11,7 @@ use super::top_state::TopBarAction;
 use super::tree::Workspace;
 use crate::layout::Layout;
 use crate::layout_fit::{fitting, with_images_of};
-use crate::open::Request;
+use crate::open::{FileKind, Request};
 use crate::remembered::Remembered;
 use crate::say;
 use egui::ViewportCommand;
@@ -58,16 +58,15 @@ impl Window {
 
     /// Opens a recording, a stack, a layout, or what a run remembers.
     pub(super) fn open_path(&mut self, path: &Path, controls: &mut Vec<Control>) {
-        let is = |ending: &str| path.extension().is_some_and(|known| known.eq_ignore_ascii_case(ending));
-        if is("json") {
-            self.open_remembered(path, controls);
-        } else if is("ron") {
-            match Layout::load(path) {
+        match FileKind::of(path) {
+            FileKind::Remembered => self.open_remembered(path, controls),
+            FileKind::Layout => match Layout::load(path) {
                 Ok(layout) => self.choose(&layout),
                 Err(error) => self.notices.error(Matter::Layout, say(&error)),
+            },
+            FileKind::Stack | FileKind::Recording => {
+                self.open_asking(Request::dropped(path, &self.current), controls);
             }
-        } else {
-            self.open_asking(Request::dropped(path, &self.current), controls);
         }
     }
 

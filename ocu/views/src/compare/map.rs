@@ -56,22 +56,38 @@ pub(super) fn is_there(frames: [&Frame; 2]) -> bool {
     common(frames).is_some()
 }
 
-/// Paints the difference. `names` are those of both sides.
+/// Paints the difference. `names` are those of both sides; `ended` says when they ended, where that was before the viewed
+/// time: the last map of such a side and a later one of the other do not say how the runs differ, so that no cell is
+/// coloured.
 pub(super) fn ui(
     ui: &mut Ui,
     canvas: Rect,
     frames: [&Frame; 2],
     names: &[String; 2],
+    ended: &[Option<String>; 2],
     viewport: &mut Option<Viewport>,
 ) {
     let response = ui.interact(canvas, ui.scope_id().with("difference"), Sense::click_and_drag());
     ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
-    let Some([first, second]) = common(frames) else { return };
+    let Some(topics) = common(frames) else { return };
     let colors = [0, 1].map(|side| super::color(ui, side));
-    let Some(difference) = Difference::of(ui.ctx(), response.id, [first, second], colors) else { return };
+    let compared = match ended {
+        [None, None] => topics,
+        // The map of the side that went on, with itself.
+        [Some(_), None] => [topics[1]; 2],
+        [_, Some(_)] => [topics[0]; 2],
+    };
+    let Some(difference) = Difference::of(ui.ctx(), response.id, compared, colors) else { return };
     let [differing, all] = difference.counts;
-    response
-        .widget_info(|| WidgetInfo::labeled(Role::Image, true, format!("{differing} of {all} cells differ")));
+    let ended: Vec<&str> = ended.iter().flatten().map(String::as_str).collect();
+    response.widget_info(|| {
+        let text = if ended.is_empty() {
+            format!("{differing} of {all} cells differ")
+        } else {
+            format!("cells are not compared: {}", ended.join(", "))
+        };
+        WidgetInfo::labeled(Role::Image, true, text)
+    });
     let mut look = viewport.filter(Viewport::is_valid).unwrap_or_else(|| {
         let of = |axis: usize| difference.corners.iter().map(move |corner| corner.to_array()[axis]);
         let low = [0, 1].map(|axis| of(axis).fold(f64::INFINITY, f64::min));
@@ -95,7 +111,14 @@ pub(super) fn ui(
     legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 20.0), look.scale);
     if canvas.height() >= 160.0 && canvas.width() >= 260.0 {
         legend::plate(ui, canvas, egui::Align2::LEFT_BOTTOM, |ui| {
-            ui.label(egui::RichText::new(format!("{}: {differing} cells differ", first.name)).small());
+            for text in &ended {
+                ui.label(egui::RichText::new(*text).small());
+            }
+            if !ended.is_empty() {
+                return;
+            }
+            let name = &topics[0].name;
+            ui.label(egui::RichText::new(format!("{name}: {differing} cells differ")).small());
             for side in 0..2 {
                 legend::swatch(ui, colors[side], &format!("more in {}", names[side]));
                 let only = colors[side].gamma_multiply(ONLY);

@@ -108,10 +108,17 @@ impl View for Compare {
                 ui.painter().hline(map.x_range(), map.top(), egui::Stroke::new(1.0, tokens.line));
             }
             let canvas = map.shrink(0.5);
-            within(ui, canvas, |ui| map::ui(ui, canvas, frames, &names, &mut self.saved.viewport));
+            let ended = [0, 1].map(|index: usize| ended(cx.frame, sides[index], &names[index]));
+            within(ui, canvas, |ui| map::ui(ui, canvas, frames, &names, &ended, &mut self.saved.viewport));
         }
         ui.advance_cursor_after_rect(area);
     }
+}
+
+/// Says when a side ended, where that was before the viewed time.
+fn ended(frame: &Frame, side: Compared, name: &str) -> Option<String> {
+    let end = side::ended(frame, side, frame.now)?;
+    Some(format!("{name} ended at {:.2} s", end.seconds_since(frame.info.start)))
 }
 
 /// The place of the table, and that of the map where there is room for it.

@@ -1,5 +1,6 @@
 //! What can be compared: the runs of a stack, the recording, and another recording.
 
+use rcs_msg::Stamp;
 use rcs_runtime::source::{Compared, Frame, RunTag, Topic};
 use std::borrow::Cow;
 
@@ -46,6 +47,24 @@ pub(super) fn name(frame: &Frame, side: Compared) -> String {
         Compared::Run(run) => run.to_string(),
         Compared::Other => frame.against.as_deref().unwrap_or("another recording").to_owned(),
     }
+}
+
+/// The end of a side that is a run.
+fn end(frame: &Frame, side: Compared) -> Option<Stamp> {
+    let Compared::Run(run) = side else { return None };
+    frame.runs.all.iter().find(|known| known.id == run).map(|known| known.end)
+}
+
+/// The end of a side that is a run, if it was before a time. The viewed run has not ended: it can go on.
+pub(super) fn ended(frame: &Frame, side: Compared, before: Stamp) -> Option<Stamp> {
+    let is_viewed = side == Compared::Run(frame.runs.current());
+    end(frame, side).filter(|end| *end < before && !is_viewed)
+}
+
+/// Name and end of the run that ended before the other one went on.
+pub(super) fn first_end(frame: &Frame, sides: [Compared; 2]) -> Option<(String, Stamp)> {
+    let last = sides.into_iter().filter_map(|side| end(frame, side)).max()?;
+    sides.into_iter().find_map(|side| Some((name(frame, side), ended(frame, side, last)?)))
 }
 
 /// The viewed moment on a side; `None` if it is not in the frame.

@@ -1,6 +1,6 @@
 //! The first difference of each buffer, by time: how a difference spreads.
 
-use super::font;
+use super::{font, side};
 use crate::view::{FieldKey, Hover, RunChoice, TopicKey, ViewContext, Wish};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, tokens, widgets};
@@ -25,10 +25,11 @@ const COLUMNS: [(&str, f32, f32); 5] = [
 pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, names: &[String; 2]) {
     let differences = &comparison.differences;
     if differences.is_empty() {
+        let no_difference = no_difference(cx.frame, comparison);
         let (title, hint) = match (comparison.progress, comparison.until) {
             (Some(_), _) => ("Comparing…", "Nothing differs so far."),
             (None, None) => ("Nothing was compared", "Both sides need a common time."),
-            (None, Some(_)) => ("No difference", "Every message of every common buffer has the same bytes."),
+            (None, Some(_)) => (&*no_difference, "Every message of every common buffer has the same bytes."),
         };
         return widgets::empty(ui, icons::ICON_COMPARE, title, hint);
     }
@@ -40,6 +41,17 @@ pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison,
             row(ui, cx, comparison, difference);
         }
     });
+}
+
+/// Up to when nothing differs: one run may have ended before the other.
+fn no_difference(frame: &Frame, comparison: &Comparison) -> String {
+    match side::first_end(frame, comparison.sides) {
+        None => "No difference".to_owned(),
+        Some((name, end)) => {
+            let end_s = end.seconds_since(frame.info.start);
+            format!("No difference up to {end_s:.2} s, where {name} ends")
+        }
+    }
 }
 
 /// The places of the time and of the other columns; a column for which there is no room has none.

@@ -238,6 +238,11 @@ fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
     if paths.iter().flatten().any(|path| path.beyond_cost != 0.0) {
         columns.push(("beyond map", paths.map(|path| path.map(|path| path.beyond_cost)), 0));
     }
+    let rests = paths.map(|path| path.map(rest));
+    let difference = rests[0].zip(rests[1]).map(|(ours, theirs)| theirs - ours);
+    if rests.into_iter().chain([difference]).flatten().any(|rest| rest.abs() >= 0.5) {
+        columns.push(("rounding", rests, 0));
+    }
     let width = ((ui.available_width() - NAME) / columns.len() as f32).min(84.0);
     let rows = ["", PATHS[0], PATHS[1], "difference"];
     let (font, mono) = (FontId::proportional(11.0), FontId::monospace(11.5));
@@ -276,6 +281,12 @@ fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
             response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &told));
         }
     }
+}
+
+/// What the terms lack of the cost: a planner may count whole numbers for each step.
+fn rest(path: &PlanCandidate) -> f64 {
+    let terms: f64 = PLAN_TERMS.iter().map(|(_, of)| in_plan(path, *of)).sum();
+    path.cost - terms - path.beyond_cost
 }
 
 /// Rounded to what is shown, so that a small negative number is not shown as "-0".

@@ -65,6 +65,18 @@ fn the_badge_says_bit_equal_only_where_everything_was_compared() {
 }
 
 #[test]
+fn a_run_that_ended_before_the_viewed_time_is_told_and_no_cell_is_coloured() {
+    let mut frame = with(|comparison| comparison.differences = Arc::new([]));
+    let mut runs = frame.runs.all.to_vec();
+    runs[0].end = samples::NOW.before_ns(5_000_000_000);
+    frame.runs.all = runs.into();
+    let harness = shown(frame);
+    assert!(harness.query_by_label("run 0 ended at 7.50 s").is_some());
+    assert!(harness.query_by_label_contains("cells differ").is_none());
+    assert!(harness.query_by_label("No difference up to 7.50 s, where run 0 ends").is_some());
+}
+
+#[test]
 fn sides_that_were_chosen_are_kept_and_change_places() {
     let mut harness = shown(samples::compared());
     harness.get_by_label("First of the two").click();

@@ -9,7 +9,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use rcs_bus::Sample;
 use rcs_msg::AnyMessage;
-use rcs_msg::rcs::{ExampleKind, Mission, PlanePoint, PlanePolygon, TrainingExample};
+use rcs_msg::rcs::{ExampleKind, Mission, Plan, PlanePoint, PlanePolygon, TrainingExample};
 use rcs_runtime::source::{Control, RunTag, Topic, WGS84};
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
@@ -72,6 +72,27 @@ fn every_term_of_both_paths_is_told_with_the_difference() {
     assert!(harness.query_by_label_contains("chosen, length, m 12.0").is_some());
     assert!(harness.query_by_label_contains("difference, length, m +").is_some());
     assert!(harness.query_by_label_contains("the other way costs 216 more").is_some());
+}
+
+#[test]
+fn what_the_terms_lack_of_the_cost_is_told_as_rounding() {
+    assert!(shown("plan").query_by_label_contains("rounding").is_none(), "they sum to it");
+    let mut frame = samples::driving();
+    let lower = |topic: &Topic| match topic.get::<Plan>() {
+        Some(plan) => {
+            let mut plan = plan.clone();
+            plan.rejected.as_mut().unwrap().cost -= 2.0;
+            let sample = topic.latest.clone().unwrap();
+            topic.clone().with_latest(Sample { message: AnyMessage::new(plan), ..sample })
+        }
+        None => topic.clone(),
+    };
+    frame.topics = frame.topics.iter().map(lower).collect();
+    let mut harness = harness(Shown::new("plan", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+    harness.run();
+    let rows = |text: &str| harness.query_all_by_label_contains(text).count();
+    // The chosen path; the rejected one and the difference.
+    assert_eq!((rows("rounding 0"), rows("rounding -2")), (1, 2));
 }
 
 /// The missions that were sent.

@@ -1,9 +1,9 @@
 //! One side of a comparison: the messages of a recording or of a run, time by time.
 
-use crate::compare::{Entry, is_measured};
+use crate::compare::{Entry, is_compared};
 use crate::history::Piece;
 use crate::record::complete_from;
-use crate::stack::{Plan, names};
+use crate::stack::Plan;
 use rcs_log::{Cursor, CursorOptions, Log, Reassembly, TopicId};
 use rcs_msg::{DeltaCodec, Stamp};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -83,11 +83,6 @@ impl Input {
 fn of_log(log: Log) -> Origin {
     let (cursor, reassembly) = (log.cursor(CursorOptions::default()).peekable(), Reassembly::new(&log));
     Origin::Log(Box::new(LogReading { log, cursor, reassembly }))
-}
-
-/// Whether a buffer is compared at all: the identity of a run and measured times differ by their nature.
-fn is_compared(name: &str) -> bool {
-    !is_measured(name) && name != names::RUN
 }
 
 impl Reading {

@@ -1,0 +1,133 @@
+//! Compares two recordings: what they say of their runs, and the first differences of their messages.
+//!
+//! Both are read in one pass, time by time. Measured times are left out. The identity of a run (`/runtime/run`) is
+//! compared apart from the messages: it is the first message of every run, and differs where the seed, the build or a
+//! parameter does, which says nothing of what came of it.
+
+use crate::compare::{
+    Difference, Matcher, Side, differing, differing_parts, is_compared, next_time, put_until,
+};
+use crate::stack::names;
+use rcs_log::{CursorOptions, Log, LogError, Reassembly, TopicId};
+use rcs_msg::{AnyMessage, rcs, registry};
+use std::sync::Arc;
+
+/// What two recordings say differently of their runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunDifference {
+    /// The field of `rcs.RunInfo`, such as `seed`; `run` if only one of them is the recording of a run; empty if no field
+    /// shows what differs.
+    pub field: String,
+    /// Both values as text; empty where there is none. Of `params`, a parameter as `process.field = value`; of `files`,
+    /// the kinds of those that only this one has; of `live`, the executor; of long texts, the part with the first
+    /// difference.
+    pub values: [String; 2],
+}
+
+/// The first message in which two recordings differ, except for what they say of their runs; `None` if they agree.
+pub fn diff(a: &Log, b: &Log) -> Result<Option<Difference>, LogError> {
+    Ok(differences(a, b, 1)?.into_iter().next())
+}
+
+/// The first difference of each buffer, in the order of time, except for what the recordings say of their runs. Reads
+/// both to their ends.
+pub fn diff_each(a: &Log, b: &Log) -> Result<Vec<Difference>, LogError> {
+    differences(a, b, usize::MAX)
+}
+
+/// What two recordings say differently of the runs that they begin with; nothing if neither is the recording of a run.
+pub fn diff_runs(a: &Log, b: &Log) -> Result<Vec<RunDifference>, LogError> {
+    let [one, other] = match [run_of(a)?, run_of(b)?] {
+        [Some(one), Some(other)] => [one, other],
+        [None, None] => return Ok(Vec::new()),
+        [one, other] => {
+            let values = [one, other].map(|run| run.map_or_else(String::new, |_| "a run".to_owned()));
+            return Ok(vec![RunDifference { field: "run".to_owned(), values }]);
+        }
+    };
+    if one.bytes() == other.bytes() {
+        return Ok(Vec::new());
+    }
+    let found = match [one.to::<rcs::RunInfo>(), other.to::<rcs::RunInfo>()] {
+        [Some(a), Some(b)] => of_infos(&a, &b),
+        _ => Vec::new(),
+    };
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let (field, values) = differing(&one, &other);
+    Ok(vec![RunDifference { field: field.trim_start_matches('.').to_owned(), values }])
+}
+
+/// Differences until this many buffers have one.
+fn differences(a: &Log, b: &Log, most: usize) -> Result<Vec<Difference>, LogError> {
+    let cursor = |log: &Log| log.cursor(CursorOptions::default()).peekable();
+    let (mut ones, mut others) = (cursor(a), cursor(b));
+    let mut reassembly = [a, b].map(Reassembly::new);
+    let mut matcher = Matcher::new(a.info().start);
+    let mut found = Vec::new();
+    while found.len() < most {
+        let (one, other) = (next_time(&mut ones)?, next_time(&mut others)?);
+        let Some(time) = one.into_iter().chain(other).min() else { break };
+        put_until(&mut matcher, Side::First, a, &mut reassembly[0], &mut ones, time, is_compared)?;
+        put_until(&mut matcher, Side::Second, b, &mut reassembly[1], &mut others, time, is_compared)?;
+        found.extend(matcher.settle_each());
+    }
+    Ok(found)
+}
+
+/// The identity of the run with which a recording begins; `None` if it is not the recording of a run.
+fn run_of(log: &Log) -> Result<Option<AnyMessage>, LogError> {
+    let topics: Vec<TopicId> = log.info().topics_named(names::RUN).map(|topic| topic.id).collect();
+    if topics.is_empty() {
+        return Ok(None);
+    }
+    let options = CursorOptions { topics: Some(topics), ..CursorOptions::default() };
+    let Some(first) = log.cursor(options).next().transpose()? else { return Ok(None) };
+    let topic = log.info().topic(first.topic);
+    Ok(topic.map(|topic| AnyMessage::encoded(Arc::clone(&topic.schema), first.data)))
+}
+
+/// What differs between two runs. The hash of the stack is left out, because it is that of its text and parameters.
+fn of_infos(a: &rcs::RunInfo, b: &rcs::RunInfo) -> Vec<RunDifference> {
+    let executor = |run: &rcs::RunInfo| String::from(if run.live { "live" } else { "stepped" });
+    let mut pairs = vec![
+        ("stack", [a.stack.clone(), b.stack.clone()]),
+        ("seed", [a.seed.to_string(), b.seed.to_string()]),
+        ("build", [a.build.clone(), b.build.clone()]),
+        ("log", [a.log.clone(), b.log.clone()]),
+        ("live", [executor(a), executor(b)]),
+    ];
+    if a.stack == b.stack && a.stack_text != b.stack_text {
+        pairs.push(("stack_text", differing_parts([&a.stack_text, &b.stack_text])));
+    }
+    pairs.extend(a.params.iter().filter_map(|params| Some(("params", parameter(params, b)?))));
+    pairs.push(("files", [files(a, b), files(b, a)]));
+    let is_other = |(field, values): &(&str, [String; 2])| match *field {
+        // Two files of one kind can differ.
+        "files" => values.iter().any(|kinds| !kinds.is_empty()),
+        _ => values[0] != values[1],
+    };
+    let of = |(field, values): (&str, [String; 2])| RunDifference { field: field.to_owned(), values };
+    pairs.into_iter().filter(is_other).map(of).collect()
+}
+
+/// The first parameter in which a process of one run differs from that of another run; `None` if they agree, or cannot
+/// be compared.
+fn parameter(params: &rcs::InitialParams, other: &rcs::RunInfo) -> Option<[String; 2]> {
+    let theirs = other.params.iter().find(|theirs| theirs.process == params.process)?;
+    if theirs.schema != params.schema || theirs.params == params.params {
+        return None;
+    }
+    let schema = registry().schema(&params.schema)?;
+    let [a, b] =
+        [params, theirs].map(|params| AnyMessage::encoded(Arc::clone(schema), params.params.clone()));
+    let (field, values) = differing(&a, &b);
+    Some(values.map(|value| format!("{}{field} = {value}", params.process)))
+}
+
+/// The kinds of the files that only the first run has.
+fn files(run: &rcs::RunInfo, other: &rcs::RunInfo) -> String {
+    let own = run.files.iter().filter(|file| !other.files.contains(file));
+    own.map(|file| file.kind.as_str()).collect::<Vec<_>>().join(", ")
+}

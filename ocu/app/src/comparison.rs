@@ -1,0 +1,221 @@
+//! How two runs differ, as text and as JSON: of `ocu diff`, and of `ocu run --replay`.
+
+use crate::plain::plain;
+use crate::table::{Align, Table};
+use rcs_log::Log;
+use rcs_msg::channel::WRITER;
+use rcs_runtime::{Difference, RunDifference};
+use serde::Serialize;
+use std::io::{self, Write};
+
+/// Whether two runs have equal outputs, and if not, how they differ.
+#[derive(Debug, Serialize)]
+pub(crate) struct Comparison {
+    pub(crate) equal: bool,
+    /// What two recordings say differently of their runs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    runs: Vec<OfRuns>,
+    /// The first message that differs.
+    first: Option<OfMessage>,
+    /// The first difference of each buffer, in the order of time, if that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    all: Option<Vec<OfMessage>>,
+}
+
+/// What two recordings say differently of their runs.
+#[derive(Debug, Serialize)]
+struct OfRuns {
+    field: String,
+    values: [String; 2],
+}
+
+/// A message that differs.
+#[derive(Clone, Debug, Serialize)]
+struct OfMessage {
+    time_s: f64,
+    buffer: String,
+    /// The processes that write the buffer; empty if that is not known.
+    writer: String,
+    sequence: u64,
+    field: String,
+    /// Both values; empty where a run has none.
+    values: [String; 2],
+    #[serde(skip)]
+    detail: String,
+}
+
+impl Comparison {
+    /// A recording, and the first message in which a run that repeats it differs.
+    pub(crate) fn with_recording(log: &Log, first: Option<&Difference>) -> Self {
+        let first = first.map(|first| OfMessage::new(&[log], first));
+        Self { equal: first.is_none(), runs: Vec::new(), first, all: None }
+    }
+
+    /// Two recordings: what they say differently of their runs, and their differences in the order of time, of which all
+    /// are told or the first one.
+    pub(crate) fn of_recordings(
+        logs: [&Log; 2],
+        runs: Vec<RunDifference>,
+        differences: &[Difference],
+        tells_all: bool,
+    ) -> Self {
+        let all: Vec<OfMessage> = differences.iter().map(|found| OfMessage::new(&logs, found)).collect();
+        Self {
+            equal: runs.is_empty() && all.is_empty(),
+            runs: runs.into_iter().map(|run| OfRuns { field: run.field, values: run.values }).collect(),
+            first: all.first().cloned(),
+            all: tells_all.then_some(all),
+        }
+    }
+
+    /// One line about the messages.
+    pub(crate) fn line(&self) -> String {
+        match &self.first {
+            None if self.equal => "equal".to_owned(),
+            None => "no message differs".to_owned(),
+            Some(first) => {
+                let OfMessage { time_s, buffer, writer, sequence, field, detail, .. } = first;
+                let writer = if writer.is_empty() { String::new() } else { format!(" ({writer})") };
+                let text = format!("{buffer} message {sequence}{writer}, {field}: {detail}");
+                format!("differs from {time_s:.6} s on: {}", plain(&text))
+            }
+        }
+    }
+
+    /// Writes a line for each thing that differs of the runs, and the difference of the messages, or a table of all.
+    pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        for run in &self.runs {
+            writeln!(out, "{}", plain(&run.line()))?;
+        }
+        match &self.all {
+            Some(all) if !all.is_empty() => table(all).write(out),
+            _ => writeln!(out, "{}", self.line()),
+        }
+    }
+}
+
+impl OfRuns {
+    /// `different seeds: 0 and 1`.
+    fn line(&self) -> String {
+        let what = match self.field.as_str() {
+            "run" if self.values[1].is_empty() => {
+                return "only the first is the recording of a run".to_owned();
+            }
+            "run" => return "only the second is the recording of a run".to_owned(),
+            "stack" => "stacks",
+            "seed" => "seeds",
+            "build" => "builds",
+            "log" => "logs",
+            "live" => "executors",
+            "stack_text" => "texts of the stack",
+            "params" => "parameters",
+            "branched_from" => "runs that they branched from",
+            "" => "identities",
+            other => other,
+        };
+        let shown = |value: &String| if value.is_empty() { "none".to_owned() } else { value.clone() };
+        let [one, other] = self.values.each_ref().map(shown);
+        // Two files of one kind.
+        if one == other {
+            format!("different {what}: {one}")
+        } else {
+            format!("different {what}: {one} and {other}")
+        }
+    }
+}
+
+impl OfMessage {
+    /// `logs` are the recordings in which the buffer can be.
+    fn new(logs: &[&Log], found: &Difference) -> Self {
+        Self {
+            time_s: found.time_s,
+            buffer: found.buffer.clone(),
+            writer: writer(logs, found),
+            sequence: found.sequence,
+            field: found.field.clone(),
+            values: found.values.clone(),
+            detail: found.detail.clone(),
+        }
+    }
+}
+
+/// Who writes the buffer of a difference, as the recordings say; "" if none says so. The parameters with which a run
+/// begins are nobody's act.
+fn writer(logs: &[&Log], found: &Difference) -> String {
+    let said = logs.iter().find_map(|log| {
+        let topic = log.info().topics_named(&found.buffer).next()?;
+        Some((topic.metadata.get(WRITER)?.as_str(), log.info().start))
+    });
+    let Some((writer, start)) = said else { return String::new() };
+    let is_initial = writer == "operator" && found.sequence == 1 && found.time <= start;
+    if is_initial { "initial value".to_owned() } else { writer.to_owned() }
+}
+
+/// The columns of the view *Compare*.
+fn table(all: &[OfMessage]) -> Table {
+    let mut table = Table::new(&[
+        ("first differs at", Align::Right),
+        ("buffer", Align::Left),
+        ("written by", Align::Left),
+        ("field", Align::Left),
+        ("in the first", Align::Left),
+        ("in the second", Align::Left),
+    ]);
+    let value = |text: &str| if text.is_empty() { "–".to_owned() } else { text.to_owned() };
+    for found in all {
+        let [one, other] = found.values.each_ref().map(|text| value(text));
+        table.row([
+            format!("{:.6} s", found.time_s),
+            found.buffer.clone(),
+            found.writer.clone(),
+            found.field.trim_start_matches('.').to_owned(),
+            one,
+            other,
+        ]);
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::Stamp;
+
+    /// The text about two runs of which one value and, if `time_s` is given, one field differ.
+    fn told(field: &str, values: [&str; 2], time_s: Option<f64>, tells_all: bool) -> String {
+        let log = Log::from_bytes(Vec::from(*b"\x89MCAP0\r\n").into()).unwrap();
+        let run = RunDifference { field: field.to_owned(), values: values.map(str::to_owned) };
+        let found = time_s.map(|time_s| Difference {
+            time: Stamp(20_000_000),
+            time_s,
+            buffer: "/a/drive".to_owned(),
+            sequence: 3,
+            field: ".speed_mps".to_owned(),
+            detail: "1 in the first, 2 in the second".to_owned(),
+            values: ["1", "2"].map(str::to_owned),
+        });
+        let found: Vec<Difference> = found.into_iter().collect();
+        let mut out = Vec::new();
+        let comparison = Comparison::of_recordings([&log, &log], vec![run], &found, tells_all);
+        comparison.write(&mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn what_differs_of_the_runs_is_a_heading_above_the_first_difference_of_their_messages() {
+        let first = "different seeds: 0 and 1\n\
+                     differs from 0.020000 s on: /a/drive message 3, .speed_mps: 1 in the first, 2 in the second\n";
+        assert_eq!(told("seed", ["0", "1"], Some(0.02), false), first);
+        let all = "different seeds: 0 and 1\n\
+                   first differs at  buffer    written by  field      in the first  in the second\n      \
+                   0.020000 s  /a/drive              speed_mps  1             2\n";
+        assert_eq!(told("seed", ["0", "1"], Some(0.02), true), all);
+        assert_eq!(told("log", ["", "ab"], None, true), "different logs: none and ab\nno message differs\n");
+        assert_eq!(
+            told("files", ["world", "world"], None, false),
+            "different files: world\nno message differs\n"
+        );
+        let one = "only the first is the recording of a run\nno message differs\n";
+        assert_eq!(told("run", ["a run", ""], None, false), one);
+    }
+}
