@@ -70,8 +70,9 @@ fn raw_image(source: &mut Source<'_>) -> Result<RawImage, Unusable> {
 fn disparity_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
     let mut image = raw_image(source)?;
-    if image.frame_id.is_empty() {
-        (image.timestamp, image.frame_id) = (header.timestamp, header.frame_id);
+    image.timestamp = header.timestamp;
+    if !header.frame_id.is_empty() {
+        image.frame_id = header.frame_id;
     }
     let (_focal_px, _baseline_m) = (source.cursor.f32()?, source.cursor.f32()?);
     for _ in 0..4 {

@@ -210,6 +210,6 @@ mod tests {
         let quantised = decompress(&image("32FC1; compressedDepth rvl", data.clone())).expect("it decodes");
         assert_eq!(depth_m(&quantised, 1.0).expect("it is depth"), [2.0, 2.0]);
         let whole = decompress(&image("16UC1; compressedDepth rvl", data)).expect("it decodes");
-        assert_eq!((whole.encoding.as_str(), depth_m(&whole, 0.001)), ("16UC1", Ok(vec![0.7, 0.7])));
+        assert_eq!((whole.encoding.as_str(), depth_m(&whole, 0.5)), ("16UC1", Ok(vec![350.0, 350.0])));
     }
 }

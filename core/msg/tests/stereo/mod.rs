@@ -9,7 +9,7 @@ const DISPARITY: &str = "stereo_msgs/msg/DisparityImage";
 /// The disparities of an image of three pixels, of which `least_px` was the least that was searched for.
 fn disparities(frame: &str, least_px: f32) -> Vec<f32> {
     let mut writer = Writer::new(false);
-    writer.header().u32(5).u32(7).text(frame).u32(1).u32(3).text("32FC1").u8(0).u32(12);
+    writer.u32(5).u32(7).text(frame).u32(5).u32(9).text("camera").u32(1).u32(3).text("32FC1").u8(0).u32(12);
     let pixels: Vec<u8> = [15.0f32, 16.0, 46.5].iter().flat_map(|v| v.to_le_bytes()).collect();
     writer.data(&pixels);
     // Focal length and baseline, the window of valid pixels, and the disparities that were searched.
@@ -19,7 +19,7 @@ fn disparities(frame: &str, least_px: f32) -> Vec<f32> {
     }
     let message = convert(DISPARITY, &writer.done());
     assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(5_000_000_007));
-    assert_eq!(header_frame(&message).as_deref(), Some(if frame.is_empty() { "map" } else { frame }));
+    assert_eq!(header_frame(&message).as_deref(), Some(if frame.is_empty() { "camera" } else { frame }));
     let image = message.get::<RawImage>().expect("it is an image");
     assert_eq!((image.width, image.height, image.step, image.encoding.as_str()), (3, 1, 12, "32FC1"));
     image.data.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()

@@ -351,13 +351,14 @@ mod tests {
                 number: 1,
                 layers,
                 camera: Some(camera),
-                size: [64, 64],
+                // The middle of the middle pixel is the middle of the image.
+                size: [65, 65],
                 per_point: 1.0,
                 background: [0.0; 3],
                 palette: MapPalette::Papers,
             };
             let picture = picture(&mut gpu, &mut Prepared::default(), &request).expect("a picture");
-            (picture.image.pixels[32 * 64 + 32], picture.depth[32 * 64 + 32])
+            (picture.image.pixels[32 * 65 + 32], picture.depth[32 * 65 + 32])
         };
         let near = [1.5, 2.5, 0.0];
         let first = middle(vec![grid("/a", 2, 0, 0.0)], near, 2.0);

@@ -230,8 +230,10 @@ fn a_goal_is_dragged_on_one_of_two_maps_that_show_the_same_mission() {
             |ui, (views, shown): &mut ([Box<dyn View>; 2], Shown)| {
                 let Shown { frame, selection, controls, wishes, .. } = shown;
                 ui.columns(2, |columns| {
-                    for (ui, view) in columns.iter_mut().zip(views) {
-                        show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection, wishes });
+                    for (index, (ui, view)) in columns.iter_mut().zip(views).enumerate() {
+                        ui.push_id(index, |ui| {
+                            show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection, wishes });
+                        });
                     }
                 });
                 selection.hovered.turn();
