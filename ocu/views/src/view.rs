@@ -236,6 +236,16 @@ pub struct Drafts {
     pub(crate) missions: BTreeMap<String, MissionDraft>,
 }
 
+impl Drafts {
+    /// The drafts where the same source begins again: the new run has none of what was sent to the one before.
+    #[must_use]
+    pub fn after_restart(mut self) -> Self {
+        self.params.values_mut().for_each(ParamsDraft::forget_sent);
+        self.missions.values_mut().for_each(MissionDraft::replaced);
+        self
+    }
+}
+
 /// Parameters that are being edited and are not in force yet.
 #[derive(Clone, Debug)]
 pub struct Preview {

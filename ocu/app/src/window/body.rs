@@ -237,7 +237,7 @@ impl Window {
         self.alarm_sound.forget();
         // The speeds of manual driving are kept, and where the same source begins again, what was not sent.
         let old = std::mem::take(&mut self.selection);
-        let drafts = if is_same { old.drafts } else { Drafts::default() };
+        let drafts = if is_same { old.drafts.after_restart() } else { Drafts::default() };
         self.selection = Selection { drive: old.drive, drafts, ..Selection::default() };
     }
 

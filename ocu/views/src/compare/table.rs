@@ -25,11 +25,11 @@ const COLUMNS: [(&str, f32, f32); 5] = [
 pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, names: &[String; 2]) {
     let differences = &comparison.differences;
     if differences.is_empty() {
-        let no_difference = no_difference(cx.frame, comparison);
+        let (equal, compared) = no_difference(cx.frame, comparison);
         let (title, hint) = match (comparison.progress, comparison.until) {
             (Some(_), _) => ("Comparing…", "Nothing differs so far."),
             (None, None) => ("Nothing was compared", "Both sides need a common time."),
-            (None, Some(_)) => (&*no_difference, "Every message of every common buffer has the same bytes."),
+            (None, Some(_)) => (&*equal, compared),
         };
         return widgets::empty(ui, icons::ICON_COMPARE, title, hint);
     }
@@ -43,15 +43,23 @@ pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison,
     });
 }
 
-/// Up to when nothing differs: one run may have ended before the other.
-fn no_difference(frame: &Frame, comparison: &Comparison) -> String {
-    match side::first_end(frame, comparison.sides) {
+/// Up to when nothing differs, and what was compared. One run may have ended before the other, and not all may have been
+/// compared up to there.
+fn no_difference(frame: &Frame, comparison: &Comparison) -> (String, &'static str) {
+    let first_end = side::first_end(frame, comparison.sides);
+    let end = first_end.as_ref().map(|(_, end)| *end);
+    let has_all = comparison.problem.is_none() && comparison.gaps.is_empty() && comparison.until >= end;
+    if !has_all {
+        return ("No difference in what was compared".to_owned(), "The line above says what that was.");
+    }
+    let title = match first_end {
         None => "No difference".to_owned(),
         Some((name, end)) => {
             let end_s = end.seconds_since(frame.info.start);
             format!("No difference up to {end_s:.2} s, where {name} ends")
         }
-    }
+    };
+    (title, "Every message of every common buffer has the same bytes.")
 }
 
 /// The places of the time and of the other columns; a column for which there is no room has none.

@@ -64,7 +64,7 @@ pub(crate) struct Draft {
     stated: Option<Stated>,
     /// Whether the goals replace those of the vehicle even if they are the same.
     states_goals: bool,
-    /// Whether anything was changed since the draft began or was sent.
+    /// Whether anything was changed since the draft began or was sent, or another mission has replaced it.
     pub(super) changed: bool,
 }
 
@@ -185,11 +185,16 @@ impl Draft {
 
     /// The draft was sent as this mission.
     pub(super) fn sent(&mut self, mission: &Mission) {
-        self.changed = false;
+        (self.changed, self.states_goals) = (false, false);
         if !mission.keeps_goals {
             self.begun.clone_from(&self.drawn.goals);
             self.stated = Some(Stated::of(mission));
         }
+    }
+
+    /// Another mission was sent, or the run with this one has ended: the draft is not as sent, and its goals are stated.
+    pub(crate) fn replaced(&mut self) {
+        (self.changed, self.states_goals) = (true, true);
     }
 
     /// Whether the vehicle keeps the goals that it has: the draft does not change them.

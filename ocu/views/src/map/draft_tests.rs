@@ -102,6 +102,14 @@ fn goals_that_are_as_they_were_leave_the_vehicle_its_own() {
 }
 
 #[test]
+fn a_draft_that_was_replaced_states_its_goals_once() {
+    let mut draft = draft_of(&mission(&[A], 0));
+    draft.replaced();
+    assert!(draft.changed && !sent(&mut draft).keeps_goals);
+    assert!(!draft.changed && draft.keeps_goals());
+}
+
+#[test]
 fn a_goal_that_was_reached_is_not_sent_again() {
     let old = mission(&[[8.0, 8.0], [9.0, 9.0]], 0);
     let mut draft = draft_of(&old);

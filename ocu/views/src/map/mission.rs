@@ -321,7 +321,8 @@ fn why_not(draft: &Draft) -> &'static str {
     if draft.corners().is_empty() { "Nothing has changed" } else { "The zone is not closed" }
 }
 
-/// Sends a mission in a frame, given with the pose of the map's frame in it ([`sending_frame`]). Returns what was sent.
+/// Sends a mission in a frame, given with the pose of the map's frame in it ([`sending_frame`]). It replaces those of all other
+/// drafts; `draft` is not among the shared ones during the pass ([`Map::take_draft`]). Returns what was sent.
 fn send(
     cx: &mut ViewContext<'_>,
     buffer: &str,
@@ -332,6 +333,7 @@ fn send(
     let mission = Mission { timestamp, ..draft.message(frame_id, frame_from_map) };
     let message = AnyMessage::new(mission.clone());
     cx.controls.push(Control::Write { buffer: buffer.to_owned(), message });
+    cx.selection.drafts.missions.values_mut().for_each(Draft::replaced);
     mission
 }
 

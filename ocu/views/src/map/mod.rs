@@ -137,6 +137,8 @@ pub(crate) struct Map {
     entities: BTreeMap<String, OnMap>,
     /// Title and start of the source to which the viewport belongs.
     looked_at: Option<(String, Stamp)>,
+    /// Middle of the surroundings of the robot that were shown last, in the map's frame.
+    around: Option<[f64; 2]>,
     /// Map frame in the previous pass.
     frame_id: String,
     /// Whether the layers in the previous pass contained a fused map.
@@ -212,7 +214,7 @@ impl Map {
     /// Takes over the frame of the map. What was outlined and measured has positions in the frame before, and is dropped.
     fn look_in(&mut self, map: &str) {
         if self.frame_id != map && !self.frame_id.is_empty() {
-            (self.example, self.measured, self.kept) = (None, None, None);
+            (self.example, self.measured, self.kept, self.around) = (None, None, None, None);
         }
         map.clone_into(&mut self.frame_id);
     }
@@ -437,25 +439,30 @@ impl Map {
         if self.looked_at.as_ref() == Some(&source) {
             return;
         }
+        (self.kept, self.around) = (None, None);
         if let Some(viewport) = self.saved.viewport
             && !(viewport.is_valid() && viewport.meets(self.fitted(ctx, frame, map, shown, canvas), canvas))
         {
             self.saved.viewport = None;
         }
-        self.kept = None;
         self.looked_at = Some(source);
     }
 
-    /// Current positions and headings of what the visible tracks belong to, without ground truth.
-    fn places(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Vec<[f64; 3]> {
+    /// Current positions and headings of what the visible tracks belong to, without ground truth, and the ages of their
+    /// messages, s.
+    fn places(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Vec<([f64; 3], f64)> {
         let layers = shown.iter().filter(|layer| !layer.is_ground_truth());
-        layers.filter_map(|layer| self.tracks.here(frame, layer)).collect()
+        let place = |layer: &&Layer<'_>| {
+            let age_s = layer.topic?.age_s(frame.now)?;
+            Some((self.tracks.here(frame, layer)?, age_s))
+        };
+        layers.filter_map(place).collect()
     }
 
     /// A viewport that shows all layers: of a running stack the smallest of its fused maps, in which the vehicle is. Its
     /// borders are rounded, so that it does not drift while things move.
     fn fitted(
-        &self,
+        &mut self,
         ctx: &Context,
         frame: &Frame,
         map: &str,
@@ -505,7 +512,7 @@ impl Map {
                 _ => {}
             }
         }
-        let (mut min, mut max) = bounds.unwrap_or_else(|| robot::surroundings(frame, map));
+        let (mut min, mut max) = bounds.unwrap_or_else(|| robot::surroundings(frame, map, &mut self.around));
         // A run begins with a vehicle and nothing else.
         let least = if runs { LEAST_OF_A_RUN_M } else { 2.0 };
         for axis in 0..2 {
@@ -543,11 +550,12 @@ mod tests {
 
     #[test]
     fn what_was_measured_is_dropped_where_the_frame_of_the_map_changes() {
-        let mut map = Map { measured: Some([[0.0; 2]; 2]), kept: Some([1.0, 2.0]), ..Map::default() };
+        let place = Some([1.0, 2.0]);
+        let mut map = Map { measured: Some([[0.0; 2]; 2]), kept: place, around: place, ..Map::default() };
         map.look_in("local");
         map.look_in("local");
-        assert!(map.measured.is_some() && map.kept.is_some());
+        assert!(map.measured.is_some() && map.kept.is_some() && map.around.is_some());
         map.look_in("global");
-        assert!(map.measured.is_none() && map.kept.is_none());
+        assert!(map.measured.is_none() && map.kept.is_none() && map.around.is_none());
     }
 }

@@ -6,12 +6,14 @@ use rcs_runtime::source::Frame;
 
 /// Last parts of the names of a robot's frame, the usual one first.
 const NAMES: [&str; 2] = ["base_link", "base_footprint"];
-/// Age from which the newest transform is outdated, s.
+/// Age from which the newest transform, or message of a track, is outdated, s.
 const OLD_S: f64 = 1.2;
 /// Distance up to which a track belongs to the robot, m.
 const SAME_M: f64 = 2.0;
 /// Steps of the middle of the surroundings, and how far they reach from it, m.
 const SURROUNDINGS_M: f64 = 10.0;
+/// Distance along an axis up to which the middle of the surroundings stays: more than half a step, m.
+const STAYS_M: f64 = 0.7 * SURROUNDINGS_M;
 
 /// Where the robot is on the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,23 +47,33 @@ impl Robot {
     }
 
     /// The robot where it gets a mark of its own, and the place of the vehicle, which the map follows and by which it is
-    /// turned. `tracks` are the places of what the visible tracks belong to, x, y in m and heading in rad. One near the
-    /// robot is the robot, and has a mark. Others are of other things, or were clicked once, such as a goal: the first one
-    /// is the vehicle only where no robot is current.
-    pub(super) fn beside(frame: &Frame, map: &str, tracks: &[[f64; 3]]) -> (Option<Self>, Option<[f64; 3]>) {
-        let first = tracks.first().copied();
-        let Some(robot) = Self::of(frame, map) else { return (None, first) };
-        let is_it = |[x, y, _]: &[f64; 3]| (x - robot.place[0]).hypot(y - robot.place[1]) <= SAME_M;
-        let vehicle = if robot.is_current { robot.place } else { first.unwrap_or(robot.place) };
-        ((!tracks.iter().any(is_it)).then_some(robot), Some(vehicle))
+    /// turned. `tracks` are the places of what the visible tracks belong to, x, y in m and heading in rad, with the ages of
+    /// their messages, s. One near the robot is the robot, and has a mark. Others are of other things, or were clicked once,
+    /// such as a goal: where the robot is not current, the first one with a new message is the vehicle, and where there is
+    /// no robot, the first one.
+    pub(super) fn beside(
+        frame: &Frame,
+        map: &str,
+        tracks: &[([f64; 3], f64)],
+    ) -> (Option<Self>, Option<[f64; 3]>) {
+        let place = |(place, _): &([f64; 3], f64)| *place;
+        let Some(robot) = Self::of(frame, map) else { return (None, tracks.first().map(place)) };
+        let is_new = |(_, age_s): &&([f64; 3], f64)| !robot.is_current && *age_s <= OLD_S;
+        let vehicle = tracks.iter().find(is_new).map_or(robot.place, place);
+        let is_it = |[x, y, _]: [f64; 3]| (x - robot.place[0]).hypot(y - robot.place[1]) <= SAME_M;
+        ((!tracks.iter().map(place).any(is_it)).then_some(robot), Some(vehicle))
     }
 }
 
 /// Lower and upper corner of the surroundings of the robot, or of the origin of the map if there is no robot, m. Their
-/// middle is rounded, so that a map that shows them stands still while the robot moves.
-pub(super) fn surroundings(frame: &Frame, map: &str) -> ([f64; 2], [f64; 2]) {
+/// middle is rounded, and `kept`, the middle of the pass before, stays until the robot is far from it, so that a map that
+/// shows them stands still while the robot moves, and where it stands between two middles.
+pub(super) fn surroundings(frame: &Frame, map: &str, kept: &mut Option<[f64; 2]>) -> ([f64; 2], [f64; 2]) {
     let [x, y, _] = Robot::of(frame, map).map_or([0.0; 3], |robot| robot.place);
-    let middle = [x, y].map(|v| (v / SURROUNDINGS_M).round() * SURROUNDINGS_M);
+    let stays = |middle: &[f64; 2]| (x - middle[0]).abs().max((y - middle[1]).abs()) <= STAYS_M;
+    let rounded = || [x, y].map(|v| (v / SURROUNDINGS_M).round() * SURROUNDINGS_M);
+    let middle = kept.filter(stays).unwrap_or_else(rounded);
+    *kept = Some(middle);
     (middle.map(|v| v - SURROUNDINGS_M), middle.map(|v| v + SURROUNDINGS_M))
 }
 
@@ -139,14 +151,16 @@ mod tests {
     fn a_place_that_was_clicked_neither_hides_the_robot_nor_is_followed() {
         let frame = with(&[("map", "base_link")]);
         let robot = Robot::of(&frame, "map").unwrap();
-        let [goal, own] = [[30.0, 1.0, 0.0], [3.5, 1.0, 0.5]];
+        let [goal, own, odometry] =
+            [([30.0, 1.0, 0.0], 60.0), ([3.5, 1.0, 0.5], 0.05), ([8.0, 1.0, 0.5], 0.05)];
         assert_eq!(Robot::beside(&frame, "map", &[goal]), (Some(robot), Some(robot.place)));
         assert_eq!(Robot::beside(&frame, "map", &[goal, own]), (None, Some(robot.place)));
-        // Where the transforms have ended, or there are none, the first track is the vehicle.
+        // Where the transforms have ended, a track that goes on is the vehicle, and where there are none, the first one.
         let later = Frame { now: frame.now.after_ns(5_000_000_000), ..frame };
-        let (old, vehicle) = Robot::beside(&later, "map", &[goal]);
-        assert_eq!((old.map(|robot| robot.is_current), vehicle), (Some(false), Some(goal)));
-        assert_eq!(Robot::beside(&with(&[]), "map", &[goal, own]), (None, Some(goal)));
+        let old = Robot::of(&later, "map").unwrap();
+        assert_eq!(Robot::beside(&later, "map", &[goal]), (Some(old), Some(old.place)));
+        assert_eq!(Robot::beside(&later, "map", &[goal, odometry]), (Some(old), Some(odometry.0)));
+        assert_eq!(Robot::beside(&with(&[]), "map", &[goal, own]), (None, Some(goal.0)));
         assert_eq!(Robot::beside(&with(&[]), "map", &[]), (None, None));
     }
 
@@ -156,8 +170,23 @@ mod tests {
         let before = Frame { now: frame.now.before_ns(1_000_000_000), ..frame.clone() };
         let [before_x, x] = [&before, &frame].map(|frame| Robot::of(frame, "map").unwrap().place[0]);
         assert!(x - before_x > 0.9, "{before_x} {x}");
-        assert_eq!(surroundings(&before, "map"), surroundings(&frame, "map"));
-        assert_eq!(surroundings(&frame, "moon"), ([-10.0; 2], [10.0; 2]));
+        let around = |frame: &Frame, map: &str| surroundings(frame, map, &mut None);
+        assert_eq!(around(&before, "map"), around(&frame, "map"));
+        assert_eq!(around(&frame, "moon"), ([-10.0; 2], [10.0; 2]));
+    }
+
+    #[test]
+    fn a_map_with_a_robot_alone_stands_still_where_it_stands_between_two_middles() {
+        let frame = samples::empty();
+        let now = frame.transform_time(frame.now).0;
+        let mut kept = None;
+        let middles_m = [4.99, 5.01, 4.99, 7.1, 5.01, 4.99].map(|x_m| {
+            let mut tree = TransformTree::new();
+            tree.insert("map", "base_link", now, Pose::from_xy_yaw(x_m, 0.0, 0.0)).unwrap();
+            let frame = Frame { transforms: Arc::new(tree), ..frame.clone() };
+            surroundings(&frame, "map", &mut kept).0[0] + SURROUNDINGS_M
+        });
+        assert_eq!(middles_m, [0.0, 0.0, 0.0, 10.0, 10.0, 10.0]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::samples::{self, SIDES};
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
+use rcs_msg::Stamp;
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Comparison, Control, Frame};
 use std::sync::Arc;
@@ -64,16 +65,41 @@ fn the_badge_says_bit_equal_only_where_everything_was_compared() {
     assert!(harness.query_by_label("differ").is_some() && harness.query_by_label("bit-equal").is_none());
 }
 
+/// When a run that ends early ends.
+const EARLY: Stamp = samples::NOW.before_ns(5_000_000_000);
+
+/// Two runs without a difference, of which the first ended early.
+fn equal_until_early(change: impl FnOnce(&mut Comparison)) -> Harness<'static, Shown> {
+    let mut frame = with(|comparison| {
+        comparison.differences = Arc::new([]);
+        change(comparison);
+    });
+    let mut runs = frame.runs.all.to_vec();
+    runs[0].end = EARLY;
+    frame.runs.all = runs.into();
+    shown(frame)
+}
+
 #[test]
 fn a_run_that_ended_before_the_viewed_time_is_told_and_no_cell_is_coloured() {
-    let mut frame = with(|comparison| comparison.differences = Arc::new([]));
-    let mut runs = frame.runs.all.to_vec();
-    runs[0].end = samples::NOW.before_ns(5_000_000_000);
-    frame.runs.all = runs.into();
-    let harness = shown(frame);
+    let harness = equal_until_early(|_| ());
     assert!(harness.query_by_label("run 0 ended at 7.50 s").is_some());
     assert!(harness.query_by_label_contains("cells differ").is_none());
     assert!(harness.query_by_label("No difference up to 7.50 s, where run 0 ends").is_some());
+}
+
+#[test]
+fn no_end_of_a_run_is_told_where_not_everything_up_to_there_was_compared() {
+    let check = |change: fn(&mut Comparison), is_told: bool| {
+        let harness = equal_until_early(change);
+        let has = |text: &str| harness.query_by_label_contains(text).is_some();
+        assert_eq!([has("where run 0 ends"), has("Every message")], [is_told; 2]);
+        assert_eq!(has("No difference in what was compared"), !is_told);
+    };
+    check(|comparison| comparison.until = Some(EARLY), true);
+    check(|comparison| comparison.until = Some(EARLY.before_ns(1)), false);
+    check(|comparison| comparison.gaps = Arc::new([(EARLY, samples::NOW)]), false);
+    check(|comparison| comparison.problem = Some("a chunk is damaged".into()), false);
 }
 
 #[test]

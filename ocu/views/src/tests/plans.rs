@@ -8,9 +8,11 @@ use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use rcs_bus::Sample;
+use rcs_geom::{Pose, TransformTree};
 use rcs_msg::AnyMessage;
 use rcs_msg::rcs::{ExampleKind, Mission, Plan, PlanePoint, PlanePolygon, TrainingExample};
-use rcs_runtime::source::{Control, RunTag, Topic, WGS84};
+use rcs_runtime::source::{Control, Frame, RunTag, Topic, WGS84};
+use std::sync::Arc;
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new(kind, samples::driving()), Vec2::new(900.0, 760.0), Theme::Dark);
@@ -217,6 +219,44 @@ fn a_mission_that_was_not_sent_is_there_again_after_another_layout_and_after_mea
     map.get_by_label_contains("Draw a mission").click();
     map.run();
     assert!(map.query_by_label_contains(drawn).is_none(), "it was closed");
+}
+
+#[test]
+fn a_mission_that_another_one_has_replaced_is_not_as_sent_and_is_sent_with_its_goals() {
+    let mut tree = TransformTree::new();
+    tree.set_static("local", "odom", Pose::IDENTITY).unwrap();
+    let frame = Frame { transforms: Arc::new(tree), ..samples::driving() };
+    let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+    map.run();
+    let middle = map.get_by_label("Map").rect().center();
+    let look_in = |map: &mut Harness<'static, Shown>, frame_id: &str| {
+        map.state_mut().view.load(&serde_json::json!({ "frame": frame_id })).unwrap();
+        map.run();
+    };
+    let send = |map: &mut Harness<'static, Shown>| {
+        map.get_by_label_contains("Send").click();
+        map.run();
+        assert!(map.query_by_label_contains("2 goals, 0 keep-out zones: as sent").is_some());
+    };
+    for (frame_id, y) in [("local", 60.0), ("odom", 120.0)] {
+        look_in(&mut map, frame_id);
+        map.get_by_label_contains("Draw a mission").click();
+        map.run();
+        click(&mut map, middle + Vec2::new(40.0, y), egui::PointerButton::Primary);
+        send(&mut map);
+    }
+    look_in(&mut map, "local");
+    let not_sent = "2 goals, 0 keep-out zones: not sent";
+    assert!(map.query_by_label_contains(not_sent).is_some());
+    send(&mut map);
+    let missions = sent(&mut map);
+    let [first, other, last] = missions.as_slice() else { panic!("{missions:?}") };
+    assert!(!last.keeps_goals && last.goals == first.goals && last.goals != other.goals);
+    // A run that begins again has none of it.
+    let drafts = std::mem::take(&mut map.state_mut().selection.drafts);
+    map.state_mut().selection.drafts = drafts.after_restart();
+    map.run();
+    assert!(map.query_by_label_contains(not_sent).is_some());
 }
 
 #[test]

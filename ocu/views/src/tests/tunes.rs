@@ -146,6 +146,21 @@ fn undo_takes_back_no_parameters_that_others_have_sent_since() {
 }
 
 #[test]
+fn what_was_sent_can_be_undone_when_it_is_in_force_again_after_another_value() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    type_speed(&mut harness, "2");
+    harness.get_by_label_contains("Send 1").click();
+    harness.run();
+    take(&mut harness, 2.0);
+    for (in_force, expected) in [(1.0, vec![2.0]), (2.0, vec![2.0, 1.0])] {
+        take(&mut harness, in_force);
+        harness.get_by_label_contains("Undo").click();
+        harness.run();
+        assert_eq!(sent(&harness), expected, "{in_force}");
+    }
+}
+
+#[test]
 fn a_command_that_goes_out_on_each_change_does_not_go_out_without_one() {
     let mut harness = shown("details", &serde_json::json!({ "on_each_change": true }), 1.0);
     go_to_number(&mut harness);

@@ -129,16 +129,22 @@ impl Draft {
         !self.sent.is_empty()
     }
 
-    /// The parameters that the last message replaced. If others have replaced it since, they stay, and the reason is
-    /// shown.
+    /// The parameters that the last message replaced. Where that message is not in force, nothing is taken back, and the
+    /// reason is shown.
     pub(super) fn undo(&mut self, in_force: &AnyMessage) -> Option<AnyMessage> {
-        let Sent { before, written } = self.sent.pop()?;
-        if in_force.same(&written) || in_force.bytes() == written.bytes() {
+        let Sent { written, .. } = self.sent.last()?;
+        if in_force.same(written) || in_force.bytes() == written.bytes() {
             self.refused = None;
-            return Some(before);
+            return self.sent.pop().map(|sent| sent.before);
         }
-        self.refused = Some("the parameters were replaced since they were sent: nothing to undo".to_owned());
+        self.refused = Some("what was sent last is not in force here: nothing to undo".to_owned());
         None
+    }
+
+    /// Forgets what was sent and what followed: the run to which it was sent has ended. Changes and kept sets stay.
+    pub(crate) fn forget_sent(&mut self) {
+        self.sent.clear();
+        (self.sent_at, self.fault, self.refused) = (None, None, None);
     }
 
     pub(super) fn kept(&self, slot: usize) -> Option<&AnyMessage> {
@@ -201,6 +207,11 @@ pub(super) fn text_of(value: &Value) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rcs_msg::rcs::SpeedLimit;
+
+    fn speed(max_speed_mps: f64) -> AnyMessage {
+        AnyMessage::new(SpeedLimit { max_speed_mps })
+    }
 
     fn status(faults: u64, last_fault: &str) -> rcs::Status {
         rcs::Status { faults, last_fault: last_fault.to_owned(), ..rcs::Status::default() }
@@ -223,5 +234,21 @@ mod tests {
         draft.take_fault(at(81), &status(4, "late"));
         draft.take_fault(at(200), &status(5, "late"));
         assert_eq!(draft.fault(), None, "minutes later");
+    }
+
+    #[test]
+    fn what_was_sent_to_a_run_that_has_ended_is_forgotten_and_what_was_not_sent_stays() {
+        let at = |s: u64| Stamp(s * 1_000_000_000);
+        let mut draft = Draft::default();
+        draft.sent(&speed(1.0), &speed(2.0));
+        draft.await_fault(at(10), 2);
+        draft.take_fault(at(11), &status(3, "refused"));
+        draft.keep(0, speed(1.0));
+        draft.set(&speed(2.0), "max_speed_mps", "3".to_owned());
+        assert!(draft.can_undo() && draft.fault().is_some());
+        draft.forget_sent();
+        draft.take_fault(at(12), &status(4, "late"));
+        assert!(!draft.can_undo() && draft.fault().is_none());
+        assert!(draft.is_changed() && draft.kept(0).is_some());
     }
 }
