@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -35,8 +35,7 @@ impl Folder {
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let name = format!("{}-{count}", std::process::id());
         let lock_path = root.join(format!("{name}.lock"));
-        let lock = OpenOptions::new().create(true).truncate(false).write(true).open(&lock_path)?;
-        lock.lock()?;
+        let lock = lock_at(&lock_path)?;
         let path = root.join(name);
         // An earlier process with the same number may have left its folder.
         let _ = fs::remove_dir_all(&path);
@@ -53,6 +52,28 @@ impl Drop for Folder {
     }
 }
 
+/// Makes the file at a path, if it is not there, and locks it.
+fn lock_at(path: &Path) -> io::Result<File> {
+    loop {
+        let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
+        lock.lock()?;
+        // Before it was locked, `remove_abandoned_pasts` may have removed it.
+        if is_at(&lock, path)? {
+            return Ok(lock);
+        }
+    }
+}
+
+/// Whether an open file is still the one at a path.
+fn is_at(file: &File, path: &Path) -> io::Result<bool> {
+    let is = file.metadata()?.ino();
+    match fs::metadata(path) {
+        Ok(there) => Ok(there.ino() == is),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
 /// Removes the pasts that killed programs have left in a folder ([`PastOptions::folder`](crate::PastOptions::folder)),
 /// and returns their number. Those of programs that run stay.
 pub fn remove_abandoned_pasts(root: &Path) -> usize {
@@ -63,7 +84,7 @@ pub fn remove_abandoned_pasts(root: &Path) -> usize {
             continue;
         }
         let Ok(lock) = OpenOptions::new().write(true).open(&path) else { continue };
-        if lock.try_lock().is_err() {
+        if lock.try_lock().is_err() || !is_at(&lock, &path).unwrap_or(false) {
             continue;
         }
         let gone = fs::remove_dir_all(path.with_extension(""));
@@ -320,6 +341,18 @@ mod tests {
         pieces.clear();
         let full: Vec<_> = std::iter::from_fn(|| disk.write(&block).ok()).collect();
         assert!(disk.bytes() <= 100 << 20 && full.len() > 60, "{} pieces", full.len());
+    }
+
+    #[test]
+    fn a_lock_is_that_of_its_path_until_it_is_removed_there() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("1-0.lock");
+        let first = lock_at(&path).unwrap();
+        assert!(is_at(&first, &path).unwrap());
+        fs::remove_file(&path).unwrap();
+        assert!(!is_at(&first, &path).unwrap(), "it was removed");
+        let second = lock_at(&path).unwrap();
+        assert!(!is_at(&first, &path).unwrap() && is_at(&second, &path).unwrap(), "another one was made");
     }
 
     #[test]

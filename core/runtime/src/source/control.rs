@@ -43,8 +43,8 @@ pub enum Control {
     /// Choose the files of the recording that [`Compared::Other`] means: one, several if it was split, or none.
     Against(Vec<PathBuf>),
     /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
-    /// the control is held; otherwise the control is released. When the view goes back or to another run, the control
-    /// ends: nothing is written until it has been released and is held again.
+    /// the control is held; otherwise nothing is written until it is repeated. When the view goes back or to another
+    /// run, the control ends: nothing is written until it has been released and is held again.
     Hold(HeldControl),
     /// Release a held control, and write a last message, unless the control has ended before.
     LetGo(HeldControl),

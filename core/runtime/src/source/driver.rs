@@ -2,10 +2,11 @@
 //!
 //! Requests are processed in order, except emergency stops, which have priority: an emergency stop ends the current
 //! work, is written before everything that waits, and discards what waits to go elsewhere: seeks, steps, undoing and
-//! other runs. It is recognised by its message type. The gathering of fields that it interrupts begins again when no stop
-//! has come for a second.
+//! other runs. It is recognised by its message type. The gathering of fields that it interrupts begins again when no
+//! stop has come for a second, and within a few seconds in any case ([`Deferred`]).
 
 use super::control::Control;
+use super::deferred::Deferred;
 use super::frame::{Frame, Playback, Topic};
 use super::held::HeldControls;
 use super::pace::Pace;
@@ -34,9 +35,6 @@ const BUDGET: Duration = Duration::from_millis(24);
 const IN_A_GAP_NS: u64 = 1_000_000_000;
 /// Least time between frames that show the results of background work.
 const SHOW_IDLE: Duration = Duration::from_millis(250);
-/// Fields that an emergency stop kept from being gathered wait until no other one has come for this time. A window sends a
-/// stop more often than that until the vehicle confirms it, for which time must go on.
-const GATHER_AGAIN: Duration = Duration::from_secs(1);
 
 /// A source on a separate thread. Dropping it ends the thread.
 pub struct Driver {
@@ -112,6 +110,7 @@ impl Driver {
                 controls: &receiver,
                 pending: VecDeque::new(),
                 gather_later: None,
+                last_stop: None,
                 idle: true,
                 may_idle: false,
                 is_behind: false,
@@ -176,6 +175,11 @@ fn is_emergency_stop(message: &AnyMessage) -> bool {
     message.is_a(schema_of::<rcs::EmergencyStop>())
 }
 
+/// Whether an emergency stop asks to stop (`true`) or releases (`false`); `None` if it does not decode.
+fn asks_to_stop(message: &AnyMessage) -> Option<bool> {
+    message.to::<rcs::EmergencyStop>().map(|stop| stop.active)
+}
+
 impl Drop for Driver {
     fn drop(&mut self) {
         self.send(Control::Cancel);
@@ -196,8 +200,10 @@ struct DriverLoop<'a, W> {
     controls: &'a Receiver<Control>,
     /// The outstanding requests, oldest first.
     pending: VecDeque<Control>,
-    /// Fields that an emergency stop kept from being gathered, and when they are to be.
-    gather_later: Option<(Vec<FieldRef>, Instant)>,
+    /// Fields that an emergency stop kept from being gathered.
+    gather_later: Option<Deferred>,
+    /// The last emergency stop or release that was written: its buffer, and what it asks for ([`asks_to_stop`]).
+    last_stop: Option<(String, Option<bool>)>,
     /// Whether background work is left.
     idle: bool,
     /// Whether there may be some, because something was asked for since the source was last given time for it.
@@ -222,7 +228,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 Duration::MAX
             };
             let wait = match &self.gather_later {
-                Some((_, at)) => wait.min(at.saturating_duration_since(Instant::now())),
+                Some(deferred) => wait.min(deferred.at().saturating_duration_since(Instant::now())),
                 None => wait,
             };
             if self.pending.is_empty() {
@@ -300,12 +306,14 @@ impl<W: Fn()> DriverLoop<'_, W> {
             return;
         }
         for (buffer, message) in urgent {
+            let asks = asks_to_stop(&message);
             if let Err(error) = self.source.write(&buffer, message) {
                 self.playback.error = Some(error.to_string());
             }
+            self.last_stop = Some((buffer, asks));
         }
-        if let Some((_, at)) = &mut self.gather_later {
-            *at = Instant::now() + GATHER_AGAIN;
+        if let Some(deferred) = &mut self.gather_later {
+            deferred.put_off(Instant::now());
         }
         self.pending.extend(self.controls.try_iter());
         self.pending.retain(|control| !control.goes_elsewhere());
@@ -370,7 +378,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 return;
             }
             Control::Gather(fields) => {
-                self.gather(fields);
+                self.gather(fields, None);
                 return;
             }
             Control::Compare(pairs) => {
@@ -408,19 +416,25 @@ impl<W: Fn()> DriverLoop<'_, W> {
         self.playback.error = result.err().map(|error| error.to_string());
     }
 
-    /// Gathers these fields, and no others; later if an emergency stop interrupts.
-    fn gather(&mut self, fields: Vec<FieldRef>) {
-        let shared = Arc::clone(&self.shared);
-        let is_whole = self.source.gather(&fields, &|| !shared.urgent().is_empty());
-        self.gather_later = (!is_whole).then(|| (fields, Instant::now() + GATHER_AGAIN));
+    /// Gathers these fields, and no others; later if an emergency stop interrupts. `interrupted` is when one did first.
+    fn gather(&mut self, fields: Vec<FieldRef>, interrupted: Option<Instant>) {
+        let (shared, last) = (Arc::clone(&self.shared), &self.last_stop);
+        let is_overdue = interrupted.is_some_and(|first| Deferred::is_overdue(first, Instant::now()));
+        let is_repeated = |(buffer, message): &(String, AnyMessage)| {
+            last.as_ref().is_some_and(|(same, asks)| same == buffer && *asks == asks_to_stop(message))
+        };
+        // What is overdue comes to an end, although a stop that the vehicle does not confirm is sent again and again.
+        let interrupts = |stop: &(String, AnyMessage)| !(is_overdue && is_repeated(stop));
+        let is_whole = self.source.gather(&fields, &|| shared.urgent().iter().any(interrupts));
+        self.gather_later = (!is_whole).then(|| Deferred::new(fields, interrupted, Instant::now()));
         self.idle = true;
     }
 
     /// Gathers the fields that an emergency stop kept from being gathered, if it is time. Whether it did.
     fn gather_again(&mut self) -> bool {
-        let due = self.gather_later.take_if(|(_, at)| *at <= Instant::now());
-        let Some((fields, _)) = due else { return false };
-        self.gather(fields);
+        let due = self.gather_later.take_if(|deferred| deferred.at() <= Instant::now());
+        let Some(Deferred { fields, first, .. }) = due else { return false };
+        self.gather(fields, Some(first));
         self.write_urgent();
         true
     }
@@ -444,7 +458,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
 
     /// Advances the source to the time of the clock, or as far as the budget allows.
     fn play_on(&mut self, start: Instant) {
-        self.hands.drop_lapsed(start);
+        self.hands.suspend_overdue(start);
         let info = self.source.info();
         let end = info.end.unwrap_or(Stamp::MAX);
         let now = self.source.now();
@@ -483,7 +497,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
             let now = self.source.now();
             for (buffer, message) in self.hands.take_due(now) {
                 if let Err(error) = self.source.write(&buffer, message) {
-                    self.hands.let_go(&buffer);
+                    self.hands.suspend(&buffer);
                     self.playback.error = Some(error.to_string());
                 }
             }

@@ -17,7 +17,8 @@ pub struct HeldControl {
 }
 
 impl HeldControl {
-    /// A control that is not renewed is released after this time, so that a hung window does not drive the vehicle.
+    /// A control that is not renewed is no longer written after this time, so that a hung window does not drive the
+    /// vehicle.
     pub const LEASE: Duration = Duration::from_millis(600);
 }
 
@@ -36,55 +37,85 @@ struct Entry {
     held: HeldControl,
     /// Time of the last renewal.
     renewed: Instant,
-    /// When the next message is due; `None` after the view went back or to another run: from then on nothing is written
-    /// until the control is let go.
-    due: Option<Stamp>,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// In force: when the next message is due.
+    Due(Stamp),
+    /// Not renewed in time, or not accepted by the source: nothing is written until it is renewed. When it is let go,
+    /// the last message is still to be written.
+    Lapsed,
+    /// The view went back or to another run: nothing is written any more until the control was let go.
+    Ended,
+}
+
+impl Entry {
+    fn due(&self) -> Option<Stamp> {
+        match self.state {
+            State::Due(due) => Some(due),
+            State::Lapsed | State::Ended => None,
+        }
+    }
 }
 
 impl HeldControls {
-    /// Adds or renews a control; if its value has changed, it is due at once.
+    /// Adds or renews a control; if its value has changed or it had lapsed, it is due at once.
     pub(super) fn hold(&mut self, held: HeldControl, clock: Instant, now: Stamp) {
         match self.0.iter_mut().find(|entry| entry.held.buffer == held.buffer) {
             Some(entry) => {
-                if !Arc::ptr_eq(&entry.held.make, &held.make) {
-                    entry.due = entry.due.map(|due| due.min(now));
-                }
+                let is_same = Arc::ptr_eq(&entry.held.make, &held.make);
+                entry.state = match entry.state {
+                    State::Due(due) if !is_same => State::Due(due.min(now)),
+                    State::Lapsed => State::Due(now),
+                    state => state,
+                };
                 (entry.held, entry.renewed) = (held, clock);
             }
-            None => self.0.push(Entry { held, renewed: clock, due: Some(now) }),
+            None => self.0.push(Entry { held, renewed: clock, state: State::Due(now) }),
         }
     }
 
-    /// Releases a control. Whether it was in force until now, so that a last message is to be written.
+    /// Releases a control. Whether a last message is to be written: always, unless the control had ended.
     pub(super) fn let_go(&mut self, buffer: &str) -> bool {
-        let is_it = |entry: &Entry| entry.held.buffer == buffer;
-        let was_in_force = self.0.iter().any(|entry| is_it(entry) && entry.due.is_some());
-        self.0.retain(|entry| !is_it(entry));
-        was_in_force
+        let at = self.0.iter().position(|entry| entry.held.buffer == buffer);
+        at.is_none_or(|at| self.0.remove(at).state != State::Ended)
     }
 
-    /// Releases the controls that have not been renewed in time.
-    pub(super) fn drop_lapsed(&mut self, clock: Instant) {
-        self.0.retain(|entry| clock.saturating_duration_since(entry.renewed) <= HeldControl::LEASE);
+    /// Suspends the controls that have not been renewed in time, until they are renewed.
+    pub(super) fn suspend_overdue(&mut self, clock: Instant) {
+        self.suspend_where(|entry| clock.saturating_duration_since(entry.renewed) > HeldControl::LEASE);
+    }
+
+    /// Suspends the control of a buffer that the source did not accept, until it is renewed.
+    pub(super) fn suspend(&mut self, buffer: &str) {
+        self.suspend_where(|entry| entry.held.buffer == buffer);
+    }
+
+    fn suspend_where(&mut self, is: impl Fn(&Entry) -> bool) {
+        for entry in self.0.iter_mut().filter(|entry| entry.due().is_some() && is(entry)) {
+            entry.state = State::Lapsed;
+        }
     }
 
     /// Where the view goes back or to another run: what is held now would begin another run there, and is not written.
     pub(super) fn end(&mut self) {
         for entry in &mut self.0 {
-            entry.due = None;
+            entry.state = State::Ended;
         }
     }
 
     /// When the next message is due.
     pub(super) fn next_due(&self) -> Option<Stamp> {
-        self.0.iter().filter_map(|entry| entry.due).min()
+        self.0.iter().filter_map(Entry::due).min()
     }
 
     /// The messages that are due at `now`.
     pub(super) fn take_due(&mut self, now: Stamp) -> Vec<(String, AnyMessage)> {
-        let due = self.0.iter_mut().filter(|entry| entry.due.is_some_and(|due| due <= now));
+        let due = self.0.iter_mut().filter(|entry| entry.due().is_some_and(|due| due <= now));
         due.map(|entry| {
-            entry.due = Some(now.after_ns(entry.held.every_ns.max(1_000_000)));
+            entry.state = State::Due(now.after_ns(entry.held.every_ns.max(1_000_000)));
             (entry.held.buffer.clone(), (entry.held.make)(now))
         })
         .collect()
@@ -139,7 +170,7 @@ mod tests {
     fn a_control_lapses_that_is_not_renewed_within_its_lease() {
         let (mut hands, start) = (HeldControls::default(), Instant::now());
         let is_held = |hands: &mut HeldControls, clock: Instant| {
-            hands.drop_lapsed(clock);
+            hands.suspend_overdue(clock);
             hands.next_due().is_some()
         };
         hands.hold(hand(), start, START);
@@ -148,5 +179,33 @@ mod tests {
         hands.hold(hand(), renewed, START);
         assert!(is_held(&mut hands, renewed + HeldControl::LEASE));
         assert!(!is_held(&mut hands, renewed + HeldControl::LEASE + Duration::from_millis(1)));
+    }
+
+    #[test]
+    fn a_control_that_lapsed_is_due_when_it_is_renewed_and_has_a_last_message() {
+        let (mut hands, start) = (HeldControls::default(), Instant::now());
+        let late = start + 2 * HeldControl::LEASE;
+        hands.hold(hand(), start, START);
+        hands.suspend_overdue(late);
+        hands.hold(hand(), late, at_ms(1200));
+        assert_eq!(hands.next_due(), Some(at_ms(1200)));
+        hands.suspend("/hand");
+        assert_eq!(hands.next_due(), None);
+        assert!(hands.let_go("/hand"));
+    }
+
+    #[test]
+    fn a_control_that_ended_writes_nothing_until_it_was_let_go_however_late_it_is_renewed() {
+        let (mut hands, start) = (HeldControls::default(), Instant::now());
+        let late = start + 2 * HeldControl::LEASE;
+        hands.hold(hand(), start, START);
+        hands.suspend("/hand");
+        hands.end();
+        hands.suspend_overdue(late);
+        hands.hold(hand(), late, START);
+        assert_eq!(hands.next_due(), None);
+        assert!(!hands.let_go("/hand"));
+        hands.hold(hand(), late, START);
+        assert_eq!(hands.next_due(), Some(START));
     }
 }

@@ -8,6 +8,7 @@ mod beside;
 mod compared;
 mod comparison;
 mod control;
+mod deferred;
 mod driver;
 mod entities;
 mod epochs;

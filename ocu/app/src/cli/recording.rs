@@ -80,7 +80,8 @@ pub struct RenderArgs {
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Layout to draw: the name of a bundled one, of one that you keep, or a .ron file; without it, the one that fits the source
+    /// Layout to draw: the name of a bundled one, of one that you keep, or a .ron file; without it, the one that
+    /// fits the source
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
     /// Recording to compare with, for the view Compare; of one that was split, the folder or the first file

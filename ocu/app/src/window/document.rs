@@ -32,20 +32,29 @@ impl Document {
             return false;
         }
         if without_viewports(now) != without_viewports(layout) {
-            self.past.push(now.clone());
-            let surplus = self.past.len().saturating_sub(MOST);
-            self.past.drain(..surplus);
-            self.future.clear();
+            let before = now.clone();
+            self.add_step(before);
         }
         self.now = Some(layout.clone());
         true
     }
 
-    /// Takes over an arrangement that was adapted to a source from how the user left it. It is no step, and not to be kept
-    /// for the next start as long as the user changes nothing.
+    /// Takes over an arrangement that was adapted to a source from how the user left it. It is a step only from an
+    /// arrangement of another name, and not to be kept for the next start as long as the user changes nothing.
     pub(super) fn adapt(&mut self, left: Layout, adapted: Layout) {
-        self.now = Some(adapted.clone());
+        let before = self.now.replace(adapted.clone());
+        if let Some(before) = before.filter(|before| before.name != adapted.name) {
+            self.add_step(before);
+        }
         self.adapted = Some([left, adapted]);
+    }
+
+    /// Adds a step that leaves an arrangement. What was undone cannot be redone any more.
+    fn add_step(&mut self, before: Layout) {
+        self.past.push(before);
+        let surplus = self.past.len().saturating_sub(MOST);
+        self.past.drain(..surplus);
+        self.future.clear();
     }
 
     /// How the user left this arrangement, before it was adapted to a source: as it is if it was not adapted, or if the
@@ -129,6 +138,20 @@ mod tests {
         assert_eq!(document.left_as(moved), left);
         assert!(document.record(&changed));
         assert_eq!(document.left_as(changed.clone()), changed);
+    }
+
+    #[test]
+    fn undo_leads_back_from_an_arrangement_of_another_name_that_was_adapted() {
+        let named = |name: &str, n: u32| Layout { name: name.into(), ..layout(true, json!({ "n": n })) };
+        let [first, second, left, adapted] = [named("a", 0), named("a", 1), named("b", 2), named("b", 3)];
+        let mut document = Document::default();
+        document.record(&first);
+        document.record(&second);
+        document.adapt(left, adapted.clone());
+        assert_eq!(document.undo().as_ref(), Some(&second));
+        assert_eq!(document.undo(), Some(first));
+        assert_eq!(document.redo(), Some(second));
+        assert_eq!(document.redo(), Some(adapted));
     }
 
     #[test]

@@ -2,11 +2,12 @@
 
 use super::joystick::Joystick;
 use egui::Key;
+use ocu_ui::stale;
 use ocu_views::Selection;
 use ocu_views::operator::{self, DriveLimits, Hand, Inputs};
 use rcs_msg::{Stamp, rcs};
 use rcs_runtime::Moment;
-use rcs_runtime::source::{Control, Frame, HeldControl};
+use rcs_runtime::source::{Control, Frame, HeldControl, Topic};
 use std::time::{Duration, Instant};
 
 /// Interval at which a held command is repeated.
@@ -15,6 +16,8 @@ const RENEW: Duration = Duration::from_millis(100);
 const RESEND: Duration = Duration::from_millis(500);
 /// After this time, a missing confirmation is shown as an alarm.
 const LATE: Duration = Duration::from_secs(1);
+/// The age from which the vehicle's report says nothing any more, s, where its rate is not known.
+const SILENT_S: f64 = 1.2;
 /// Slower than this, a vehicle stands, m/s.
 const STANDS_MPS: f64 = 0.05;
 /// The keys that drive.
@@ -30,9 +33,12 @@ pub(super) enum StopState {
     Clear,
     /// The vehicle reports that it obeys the stop, and still rolls.
     Braking,
-    /// The vehicle reports that it obeys the stop, and stands.
-    Stopped,
-    /// The stop (or its release) was requested, and the vehicle has not confirmed it yet.
+    /// The vehicle reports that it obeys the stop, and does not report that it moves.
+    Stopped {
+        /// Whether it reports a speed, by which it stands.
+        has_speed: bool,
+    },
+    /// The stop (or its release) was requested, and the vehicle has not confirmed it yet, or not lately.
     Asked {
         /// Whether a stop was requested, rather than a release.
         active: bool,
@@ -78,7 +84,8 @@ impl Asked {
     fn is_confirmed(&self, frame: &Frame) -> bool {
         operator::vehicle(frame).is_some_and(|(topic, status)| {
             let at = topic.latest.as_ref().map(|latest| latest.header.log_time);
-            status.emergency_stopped == self.active && self.newer_than.is_none_or(|than| at > Some(than))
+            let is_newer = self.newer_than.is_none_or(|than| at > Some(than));
+            status.emergency_stopped == self.active && is_newer && !is_silent(frame, topic)
         })
     }
 
@@ -181,8 +188,16 @@ impl Operating {
                 late: frame.playback.playing && asked.since.elapsed() > LATE,
             },
             _ => match operator::vehicle(frame) {
-                Some((_, status)) if status.emergency_stopped && rolls(status) => StopState::Braking,
-                Some((_, status)) if status.emergency_stopped => StopState::Stopped,
+                Some((topic, status)) if status.emergency_stopped => {
+                    let speed_mps = status.speed_mps.abs();
+                    if is_silent(frame, topic) {
+                        StopState::Asked { active: true, late: true }
+                    } else if speed_mps >= STANDS_MPS {
+                        StopState::Braking
+                    } else {
+                        StopState::Stopped { has_speed: !speed_mps.is_nan() }
+                    }
+                }
                 _ => StopState::Clear,
             },
         }
@@ -260,9 +275,12 @@ fn newest_message(frame: &Frame) -> Option<&rcs::EmergencyStop> {
     frame.topic(&buffer)?.get()
 }
 
-/// Whether the vehicle reports that it moves. One that measures no speed reports 0.
-fn rolls(status: &rcs::VehicleStatus) -> bool {
-    status.speed_mps.abs() >= STANDS_MPS
+/// Whether the vehicle has said nothing for so long that its last report is no confirmation: more than three periods,
+/// and at least 1.2 s. While time stands and in the past, no report is missed.
+fn is_silent(frame: &Frame, topic: &Topic) -> bool {
+    let is_due = frame.playback.playing && frame.runs.is_at_end && !topic.pending;
+    let limit_s = topic.hz.and_then(stale::limit_s).unwrap_or(SILENT_S);
+    is_due && topic.age_s(frame.now).is_some_and(|age_s| age_s > limit_s)
 }
 
 fn send(frame: &Frame, active: bool, controls: &mut Vec<Control>) {
@@ -292,7 +310,7 @@ mod tests {
     use super::*;
     use rcs_bus::{Header, Sample, WriterId};
     use rcs_msg::{AnyMessage, schema_of};
-    use rcs_runtime::source::{RunTag, Runs, SourceInfo, SourceKind, Topic};
+    use rcs_runtime::source::{RunTag, Runs, SourceInfo, SourceKind};
     use rcs_runtime::{InputRole, RunId, RunSummary};
     use std::sync::Arc;
 
@@ -334,24 +352,47 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_vehicle_that_obeys_a_stop_and_still_rolls_is_not_shown_as_stopped() {
+    /// A moment at which the last report of the vehicle, the only one, is `age_s` old.
+    fn reported(emergency_stopped: bool, speed_mps: f64, age_s: f64) -> Frame {
         let role = InputRole::EmergencyStop.name().to_owned();
         let input = rcs::PortInfo { buffer: "/stop".to_owned(), role, ..rcs::PortInfo::default() };
         let process = rcs::ProcessInfo { inputs: vec![input], ..rcs::ProcessInfo::default() };
+        let status = rcs::VehicleStatus { emergency_stopped, speed_mps, ..rcs::VehicleStatus::default() };
+        let (log_time, acq_time) = (Stamp(1), Stamp(1));
+        let header = Header { sequence: 1, log_time, acq_time, writer: WriterId::RUNTIME };
+        let schema = Arc::clone(schema_of::<rcs::VehicleStatus>());
+        let topic = Topic::new("/vehicle", RunTag::FIRST, schema)
+            .with_latest(Sample { header, message: AnyMessage::new(status) });
+        let (topics, processes) = (Arc::new([topic]), Arc::new([process]));
+        let now = log_time.after_ns((age_s * 1e9) as u64);
+        Frame { now, topics, processes, ..frame(moment(0, 50, 0)) }
+    }
+
+    #[test]
+    fn a_vehicle_that_obeys_a_stop_and_still_rolls_is_not_shown_as_stopped() {
         let state = |emergency_stopped, speed_mps| {
-            let status = rcs::VehicleStatus { emergency_stopped, speed_mps, ..rcs::VehicleStatus::default() };
-            let (log_time, acq_time) = (Stamp(1), Stamp(1));
-            let header = Header { sequence: 1, log_time, acq_time, writer: WriterId::RUNTIME };
-            let schema = Arc::clone(schema_of::<rcs::VehicleStatus>());
-            let topic = Topic::new("/vehicle", RunTag::FIRST, schema)
-                .with_latest(Sample { header, message: AnyMessage::new(status) });
-            let (topics, processes) = (Arc::new([topic]), Arc::new([process.clone()]));
-            let frame = Frame { topics, processes, ..frame(moment(0, 50, 0)) };
-            Operating::default().stop_state(&frame)
+            Operating::default().stop_state(&reported(emergency_stopped, speed_mps, 0.0))
         };
         assert_eq!(state(true, -0.89), StopState::Braking);
-        assert_eq!(state(true, 0.04), StopState::Stopped);
+        assert_eq!(state(true, 0.04), StopState::Stopped { has_speed: true });
+        assert_eq!(state(true, f64::NAN), StopState::Stopped { has_speed: false });
         assert_eq!(state(false, 0.89), StopState::Clear);
+    }
+
+    #[test]
+    fn a_report_that_is_old_while_time_runs_confirms_no_stop() {
+        let old = |age_s: f64, playing: bool, is_at_end: bool| {
+            let mut frame = reported(true, 0.0, age_s);
+            (frame.playback.playing, frame.runs.is_at_end) = (playing, is_at_end);
+            frame
+        };
+        let state = |frame: &Frame| Operating::default().stop_state(frame);
+        let stopped = StopState::Stopped { has_speed: true };
+        assert_eq!(state(&old(1.1, true, true)), stopped);
+        assert_eq!(state(&old(1.3, false, true)), stopped, "time stands");
+        assert_eq!(state(&old(1.3, true, false)), stopped, "the past");
+        let silent = old(1.3, true, true);
+        assert_eq!(state(&silent), StopState::Asked { active: true, late: true });
+        assert!(!Asked::new(&silent, true, Instant::now()).is_confirmed(&silent), "pressed again");
     }
 }

@@ -50,7 +50,11 @@ impl Look {
                 ink: tokens.on_warning,
                 edge: Stroke::NONE,
                 is_open: true,
-                help: "Sent; the vehicle has not said yet that it obeys. Press to stop.",
+                help: if late {
+                    "The vehicle does not say that it obeys. Press to stop."
+                } else {
+                    "Sent; the vehicle has not said yet that it obeys. Press to stop."
+                },
             },
             StopState::Braking => Self {
                 word: "STOPPING…",
@@ -61,14 +65,20 @@ impl Look {
                 is_open: true,
                 help: "The vehicle says that it obeys, and still rolls. Press to send the stop again.",
             },
-            StopState::Stopped => Self {
+            StopState::Stopped { has_speed } => Self {
                 word: "STOPPED",
                 icon: icons::ICON_LOCK,
                 fill: tokens.surface[0],
                 ink: tokens.strong,
                 edge: Stroke::new(2.0, tokens.error),
                 is_open: false,
-                help: "The vehicle says that it obeys the stop, and it stands. Release it with the button beside this one.",
+                help: if has_speed {
+                    "The vehicle says that it obeys the stop, and it stands. Release it with the button beside this \
+                     one."
+                } else {
+                    "The vehicle says that it obeys the stop; it reports no speed. Release it with the button beside \
+                     this one."
+                },
             },
         })
     }
@@ -81,7 +91,7 @@ pub(super) fn ui(ui: &mut Ui, form: Form, state: StopState, pushed: bool) -> Opt
     let mut wish = None;
     let (stop, release) = if form == Form::Short { (SHORT_STOP, SHORT_RELEASE) } else { (STOP, RELEASE) };
     let (place, _) = ui.allocate_exact_size(release, Sense::hover());
-    if matches!(state, StopState::Braking | StopState::Stopped) {
+    if matches!(state, StopState::Braking | StopState::Stopped { .. }) {
         let icon = icons::ICON_LOCK_OPEN.codepoint;
         let text = if form == Form::Short { icon.to_owned() } else { format!("{icon}  Release") };
         let button = egui::Button::new(text).min_size(release);
@@ -101,7 +111,8 @@ pub(super) fn ui(ui: &mut Ui, form: Form, state: StopState, pushed: bool) -> Opt
     response
         .widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Emergency stop: {}", look.word)));
     paint(ui, rect, &look, response.hovered());
-    if response.on_hover_text(look.help).clicked() && state != StopState::Stopped {
+    let has_stopped = matches!(state, StopState::Stopped { .. });
+    if response.on_hover_text(look.help).clicked() && !has_stopped {
         wish = Some(true);
     }
     wish
