@@ -51,15 +51,16 @@ pub(crate) fn named(spec: &str, data_dir: Option<&Path>) -> anyhow::Result<Layou
         return Layout::named(spec);
     }
     let folder = data_dir.map(folder);
-    let own = folder.as_deref().map(names).unwrap_or_default();
-    if let Some(folder) = folder.filter(|_| own.iter().any(|name| name == spec))
-        && let Some(kept) = load(&folder, spec)?
+    if let Some(folder) = &folder
+        && name_of(&folder.join(file_name(spec))).as_deref() == Some(spec)
+        && let Some(kept) = load(folder, spec)?
     {
         return Ok(kept);
     }
     if looks_like_path(spec) {
         return Layout::named(spec);
     }
+    let own = folder.as_deref().map(names).unwrap_or_default();
     let known = bundled::names("layout").into_iter().chain(own.iter().map(String::as_str));
     let known: Vec<&str> = known.collect();
     Err(crate::usage(format!("no layout is called {spec:?}; expected {} or a .ron file", known.join(", "))))

@@ -54,6 +54,11 @@ pub fn band(ui: &mut Ui, width: f32, low: &str, high: &str, color_at: impl Fn(f6
     });
 }
 
+/// The decimals that multiples of a step need.
+pub fn decimals(step: f64) -> usize {
+    (-step.log10().floor()).clamp(0.0, 17.0) as usize
+}
+
 /// The smallest of …, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, … that is at least `least`; 1 if `least` is not a positive
 /// number.
 pub fn round_step(least: f64) -> f64 {

@@ -3,10 +3,13 @@
 use crate::{format, icons, tokens, widgets};
 use egui::{Color32, FontId, Pos2, Rect, Shape, Stroke, Ui, Vec2};
 
-/// The age from which a value with this rate is outdated: three periods, and at least 1.2 s. `None` where the rate is
+/// The age up to which no value is outdated, whatever its rate, s.
+pub const LEAST_S: f64 = 1.2;
+
+/// The age from which a value with this rate is outdated: three periods, and at least [`LEAST_S`]. `None` where the rate is
 /// unknown.
 pub fn limit_s(hz: f64) -> Option<f64> {
-    (hz.is_finite() && hz > 0.0).then(|| (3.0 / hz).max(1.2))
+    (hz.is_finite() && hz > 0.0).then(|| (3.0 / hz).max(LEAST_S))
 }
 
 /// Whether a value with this age and rate is outdated. A value that was sent only once never is: nothing says when the

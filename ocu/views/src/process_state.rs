@@ -1,6 +1,7 @@
 //! How the state of a process looks everywhere: its word, its colour, and until when a status is valid.
 
 use egui::Color32;
+use ocu_ui::stale::LEAST_S;
 use rcs_msg::rcs::{ProcessInfo, ProcessState};
 use rcs_runtime::source::Frame;
 
@@ -24,11 +25,11 @@ pub fn state_color(state: ProcessState) -> Color32 {
     }
 }
 
-/// The age, s, from which a status is outdated: three periods and the latency of the process, and a margin; 1.2 s where
+/// The age, s, from which a status is outdated: three periods and the latency of the process, and a margin; [`LEAST_S`] where
 /// the period is not known.
 pub fn status_limit_s(process: &ProcessInfo) -> f64 {
     match process.period_ns {
-        0 => 1.2,
+        0 => LEAST_S,
         period_ns => (3 * period_ns + process.latency_ns) as f64 * 1e-9 + 0.1,
     }
 }

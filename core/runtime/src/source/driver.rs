@@ -15,6 +15,7 @@ use crate::node::panic_text;
 use crate::record::RecordOptions;
 use rcs_formula::FieldRef;
 use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -425,7 +426,14 @@ impl<W: Fn()> DriverLoop<'_, W> {
         };
         // What is overdue comes to an end, although a stop that the vehicle does not confirm is sent again and again.
         let interrupts = |stop: &(String, AnyMessage)| !(is_overdue && is_repeated(stop));
-        let is_whole = self.source.gather(&fields, &|| shared.urgent().iter().any(interrupts));
+        // Asked for every message of the past: each stop is judged once. Only this thread takes them away.
+        let judged = Cell::new(0);
+        let is_interrupted = || {
+            let urgent = shared.urgent();
+            let before = judged.replace(urgent.len());
+            urgent.iter().skip(before).any(interrupts)
+        };
+        let is_whole = self.source.gather(&fields, &is_interrupted);
         self.gather_later = (!is_whole).then(|| Deferred::new(fields, interrupted, Instant::now()));
         self.idle = true;
     }

@@ -1,36 +1,18 @@
 //! Tests of recordings whose clock begins again.
 
 use super::*;
-use foxglove::{FrameTransform, FrameTransforms, Odometry, Pose, Quaternion, Vector3};
-
-const S: u64 = 1_000_000_000;
-const T0: u64 = 1_700_000_000 * S;
-const UPRIGHT: Quaternion = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
+use crate::source::tracks::tests::{S, T0, UPRIGHT, pose, transform};
+use foxglove::Odometry;
 
 /// Log time, topic, message.
 type Sent = (u64, &'static str, AnyMessage);
-
-fn at(x: f64) -> Vector3 {
-    Vector3 { x, y: 0.0, z: 0.0 }
-}
-
-fn transform(parent: &str, child: &str, stamp_ns: u64, x: f64) -> AnyMessage {
-    let transform = FrameTransform {
-        timestamp: Some(Stamp(stamp_ns).to_proto()),
-        parent_frame_id: parent.into(),
-        child_frame_id: child.into(),
-        translation: Some(at(x)),
-        rotation: Some(UPRIGHT),
-    };
-    AnyMessage::new(FrameTransforms { transforms: vec![transform] })
-}
 
 fn odometry(stamp_ns: u64, x: f64) -> AnyMessage {
     AnyMessage::new(Odometry {
         timestamp: Some(Stamp(stamp_ns).to_proto()),
         frame_id: "odom".into(),
         body_frame_id: "base".into(),
-        pose: Some(Pose { position: Some(at(x)), orientation: Some(UPRIGHT) }),
+        pose: Some(pose(x, UPRIGHT)),
         ..Odometry::default()
     })
 }

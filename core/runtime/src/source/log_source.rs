@@ -18,10 +18,6 @@ pub struct LogSource {
     processes: Arc<[rcs::ProcessInfo]>,
     /// Everything up to and including this time is shown.
     place: MessagePosition,
-    /// Number of problems of the log in `info`.
-    told_problems: usize,
-    /// Number of doubtful transforms in `info`.
-    told_doubts: usize,
     generation: u64,
     comparing: Comparing,
 }
@@ -39,17 +35,7 @@ impl LogSource {
         let processes = view.processes()?;
         let place = MessagePosition::after(opening_time(log)?);
         view.go_to(place)?;
-        let told_problems = log.info().problems.len();
-        Ok(Self {
-            view,
-            place,
-            info,
-            processes,
-            told_problems,
-            told_doubts: 0,
-            generation: 0,
-            comparing: Comparing::default(),
-        })
+        Ok(Self { view, place, info, processes, generation: 0, comparing: Comparing::default() })
     }
 }
 
@@ -181,16 +167,9 @@ impl Source for LogSource {
 impl LogSource {
     /// Adds the problems and doubts that were found since the log was opened.
     fn tell_problems(&mut self) {
-        let told = self.told_problems;
-        let problems = self.view.log().problems();
-        if problems.len() > told {
-            self.told_problems = problems.len();
-            Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
-        }
-        let doubts = self.view.doubts();
-        if doubts.len() > self.told_doubts {
-            Arc::make_mut(&mut self.info).problems.extend_from_slice(&doubts[self.told_doubts..]);
-            self.told_doubts = doubts.len();
+        let found = self.view.take_problems();
+        if !found.is_empty() {
+            Arc::make_mut(&mut self.info).problems.extend(found);
         }
     }
 

@@ -59,6 +59,8 @@ pub(crate) struct LogView {
     epochs: Epochs,
     entities: EntityWatch,
     events: EventWatch,
+    /// Number of problems of the log, and of doubts about its transforms, that have been told.
+    told: [usize; 2],
 }
 
 impl LogView {
@@ -133,6 +135,7 @@ impl LogView {
             epochs: Epochs::new(info.start),
             entities,
             events: EventWatch::default(),
+            told: [info.problems.len(), 0],
         }
     }
 
@@ -330,9 +333,12 @@ impl LogView {
         self.entities.read(RunTag::Recorded, now)
     }
 
-    /// What is doubtful about the transforms of the log, as far as they have been read.
-    pub(crate) fn doubts(&self) -> &[String] {
-        self.epochs.doubts()
+    /// The problems of the log, and the doubts about its transforms, that were found since it was opened or this was
+    /// last asked.
+    pub(crate) fn take_problems(&mut self) -> Vec<String> {
+        let (problems, doubts) = (self.log.problems(), self.epochs.doubts());
+        let [told, told_doubts] = std::mem::replace(&mut self.told, [problems.len(), doubts.len()]);
+        problems.into_iter().skip(told).chain(doubts.iter().skip(told_doubts).cloned()).collect()
     }
 
     /// The events of the log, as far as they have been read.

@@ -58,9 +58,6 @@ pub struct StackSource {
     beside: Beside,
     comparing: Comparing,
     problems: usize,
-    /// Number of problems of the log, and of its doubtful transforms, that have been reported.
-    log_problems: usize,
-    log_doubts: usize,
     generation: u64,
     recording: Option<SourceRecording>,
 }
@@ -181,8 +178,6 @@ impl StackSource {
             beside: Beside::default(),
             comparing: Comparing::default(),
             problems: 0,
-            log_problems: log.map_or(0, |log| log.info().problems.len()),
-            log_doubts: 0,
             generation: 0,
             recording: None,
         };
@@ -303,16 +298,9 @@ impl StackSource {
             info.problems.extend_from_slice(&problems[self.problems..]);
             self.problems = problems.len();
         }
-        // Problems of the log that were found since it was opened.
-        let problems = self.recorded.as_ref().map(|view| view.log().problems()).unwrap_or_default();
-        if problems.len() > self.log_problems {
-            let told = std::mem::replace(&mut self.log_problems, problems.len());
-            Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
-        }
-        let doubts = self.recorded.as_ref().map_or(&[][..], LogView::doubts);
-        if doubts.len() > self.log_doubts {
-            let told = std::mem::replace(&mut self.log_doubts, doubts.len());
-            Arc::make_mut(&mut self.info).problems.extend_from_slice(&doubts[told..]);
+        let found = self.recorded.as_mut().map(LogView::take_problems).unwrap_or_default();
+        if !found.is_empty() {
+            Arc::make_mut(&mut self.info).problems.extend(found);
         }
     }
 }

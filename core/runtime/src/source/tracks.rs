@@ -418,4 +418,4 @@ pub(crate) fn pose_of(translation: &foxglove::Vector3, rotation: &foxglove::Quat
 
 #[cfg(test)]
 #[path = "tracks_tests.rs"]
-mod tests;
+pub(super) mod tests;

@@ -5,20 +5,20 @@ use foxglove::{
     FrameTransform, FrameTransforms, KeyValuePair, LocationFix, Odometry, PoseInFrame, Quaternion, Vector3,
 };
 
-const S: u64 = 1_000_000_000;
-const T0: u64 = 1_700_000_000 * S;
-const UPRIGHT: Quaternion = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
+pub(in crate::source) const S: u64 = 1_000_000_000;
+pub(in crate::source) const T0: u64 = 1_700_000_000 * S;
+pub(in crate::source) const UPRIGHT: Quaternion = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
 const UNSET: Quaternion = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
 
 fn at(x: f64) -> Vector3 {
     Vector3 { x, y: 0.0, z: 0.0 }
 }
 
-fn pose(x: f64, orientation: Quaternion) -> foxglove::Pose {
+pub(in crate::source) fn pose(x: f64, orientation: Quaternion) -> foxglove::Pose {
     foxglove::Pose { position: Some(at(x)), orientation: Some(orientation) }
 }
 
-fn transform(parent: &str, child: &str, stamp_ns: u64, x: f64) -> AnyMessage {
+pub(in crate::source) fn transform(parent: &str, child: &str, stamp_ns: u64, x: f64) -> AnyMessage {
     let transform = FrameTransform {
         timestamp: Some(Stamp(stamp_ns).to_proto()),
         parent_frame_id: parent.into(),

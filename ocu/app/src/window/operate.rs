@@ -16,8 +16,6 @@ const RENEW: Duration = Duration::from_millis(100);
 const RESEND: Duration = Duration::from_millis(500);
 /// After this time, a missing confirmation is shown as an alarm.
 const LATE: Duration = Duration::from_secs(1);
-/// The age from which the vehicle's report says nothing any more, s, where its rate is not known.
-const SILENT_S: f64 = 1.2;
 /// Slower than this, a vehicle stands, m/s.
 const STANDS_MPS: f64 = 0.05;
 /// The keys that drive.
@@ -279,7 +277,7 @@ fn newest_message(frame: &Frame) -> Option<&rcs::EmergencyStop> {
 /// and at least 1.2 s. While time stands and in the past, no report is missed.
 fn is_silent(frame: &Frame, topic: &Topic) -> bool {
     let is_due = frame.playback.playing && frame.runs.is_at_end && !topic.pending;
-    let limit_s = topic.hz.and_then(stale::limit_s).unwrap_or(SILENT_S);
+    let limit_s = topic.hz.and_then(stale::limit_s).unwrap_or(stale::LEAST_S);
     is_due && topic.age_s(frame.now).is_some_and(|age_s| age_s > limit_s)
 }
 

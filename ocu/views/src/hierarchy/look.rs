@@ -2,6 +2,7 @@
 
 use crate::process_state::{state_color, state_name, status_limit_s};
 use egui::{Color32, Stroke};
+use ocu_ui::stale::LEAST_S;
 use ocu_ui::{Tokens, format};
 use rcs_msg::rcs::{ProcessInfo, ProcessState, Status};
 
@@ -34,7 +35,7 @@ pub(super) struct State<'a> {
 pub(super) fn look(state: State<'_>) -> Look {
     let rgb = Color32::from_rgb;
     let pink = state_color(ProcessState::Uninitialized);
-    let limit_s = state.process.map_or(1.2, status_limit_s);
+    let limit_s = state.process.map_or(LEAST_S, status_limit_s);
     let (fill, word) = match (state.connected, state.status, state.age_s) {
         (false, ..) => (rgb(150, 156, 160), "NOT CONNECTED".to_owned()),
         (_, Some(_), Some(age_s)) if age_s > GONE * limit_s => {

@@ -16,7 +16,7 @@ use egui::epaint::Vertex;
 use egui::{
     Align2, Color32, FontId, Id, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureId, Ui, Vec2,
 };
-use ocu_ui::legend::round_step;
+use ocu_ui::legend::{decimals, round_step};
 use ocu_ui::{format, tokens};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::AnyMessage;
@@ -283,7 +283,7 @@ pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) -> Vec<Metr
     let tokens = tokens(ui);
     let painter = ui.painter_at(canvas);
     let step = round_step(96.0 / viewport.scale);
-    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+    let decimals = decimals(step);
     let (min, max) = viewport.bounds(canvas);
     let is_turned = viewport.turned_rad != 0.0;
     let mut numbers = Vec::new();

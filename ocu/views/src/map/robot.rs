@@ -2,12 +2,11 @@
 //! robot (REP 105); others could be those of a sensor or of a thing that it carries.
 
 use crate::clip::is_place;
+use ocu_ui::stale::LEAST_S;
 use rcs_runtime::source::Frame;
 
 /// Last parts of the names of a robot's frame, the usual one first.
 const NAMES: [&str; 2] = ["base_link", "base_footprint"];
-/// Age from which the newest transform, or message of a track, is outdated, s.
-const OLD_S: f64 = 1.2;
 /// Distance up to which a track belongs to the robot, m.
 const SAME_M: f64 = 2.0;
 /// Steps of the middle of the surroundings, and how far they reach from it, m.
@@ -39,7 +38,7 @@ impl Robot {
             let parent = tree.parent(child)?;
             match tree.newest_until(parent, child, now.0) {
                 Ok(None) => child = parent,
-                Ok(Some(newest_ns)) => break now.0.saturating_sub(newest_ns) as f64 * 1e-9 <= OLD_S,
+                Ok(Some(newest_ns)) => break now.0.saturating_sub(newest_ns) as f64 * 1e-9 <= LEAST_S,
                 Err(_) => break false,
             }
         };
@@ -58,7 +57,7 @@ impl Robot {
     ) -> (Option<Self>, Option<[f64; 3]>) {
         let place = |(place, _): &([f64; 3], f64)| *place;
         let Some(robot) = Self::of(frame, map) else { return (None, tracks.first().map(place)) };
-        let is_new = |(_, age_s): &&([f64; 3], f64)| !robot.is_current && *age_s <= OLD_S;
+        let is_new = |(_, age_s): &&([f64; 3], f64)| !robot.is_current && *age_s <= LEAST_S;
         let vehicle = tracks.iter().find(is_new).map_or(robot.place, place);
         let is_it = |[x, y, _]: [f64; 3]| (x - robot.place[0]).hypot(y - robot.place[1]) <= SAME_M;
         ((!tracks.iter().map(place).any(is_it)).then_some(robot), Some(vehicle))

@@ -2,6 +2,7 @@
 
 use egui::Rangef;
 use ocu_ui::format;
+use ocu_ui::legend::decimals;
 
 /// A day, s.
 const DAY_S: f64 = 86_400.0;
@@ -153,11 +154,6 @@ pub(super) fn shortened(text: &str, most: usize) -> String {
         return text.to_owned();
     }
     std::iter::once('…').chain(text.chars().skip(count + 1 - most)).collect()
-}
-
-/// The decimals that multiples of a step need.
-fn decimals(step: f64) -> usize {
-    (-step.log10().floor()).clamp(0.0, 17.0) as usize
 }
 
 /// Times since the start as the marks of one axis say them, all in one format: seconds, with minutes where one of them is

@@ -64,6 +64,13 @@ fn type_speed(harness: &mut Harness<'_, Shown>, text: &str) {
     press(harness, Key::Tab);
 }
 
+/// Types a speed of 2 m/s, and sends it.
+fn send_two(harness: &mut Harness<'_, Shown>) {
+    type_speed(harness, "2");
+    harness.get_by_label_contains("Send 1").click();
+    harness.run();
+}
+
 /// Goes to the number beside the slider of the parameter.
 fn go_to_number(harness: &mut Harness<'_, Shown>) {
     harness.get_by_role_and_label(Role::Slider, "max_speed_mps").focus();
@@ -95,9 +102,7 @@ fn a_number_is_typed_with_all_its_decimals() {
 #[test]
 fn undo_takes_back_what_was_sent_and_keeps_what_was_not() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
-    type_speed(&mut harness, "2");
-    harness.get_by_label_contains("Send 1").click();
-    harness.run();
+    send_two(&mut harness);
     take(&mut harness, 2.0);
     type_speed(&mut harness, "1.5");
     harness.get_by_label_contains("Undo").click();
@@ -111,9 +116,7 @@ fn undo_takes_back_what_was_sent_and_keeps_what_was_not() {
 #[test]
 fn what_was_not_sent_undo_and_kept_sets_are_there_again_after_another_layout() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
-    type_speed(&mut harness, "2");
-    harness.get_by_label_contains("Send 1").click();
-    harness.run();
+    send_two(&mut harness);
     take(&mut harness, 2.0);
     harness.get_by_label("Parameters A").click();
     harness.run();
@@ -135,9 +138,7 @@ fn what_was_not_sent_undo_and_kept_sets_are_there_again_after_another_layout() {
 #[test]
 fn undo_takes_back_no_parameters_that_others_have_sent_since() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
-    type_speed(&mut harness, "2");
-    harness.get_by_label_contains("Send 1").click();
-    harness.run();
+    send_two(&mut harness);
     take(&mut harness, 3.0);
     harness.get_by_label_contains("Undo").click();
     harness.run();
@@ -148,9 +149,7 @@ fn undo_takes_back_no_parameters_that_others_have_sent_since() {
 #[test]
 fn what_was_sent_can_be_undone_when_it_is_in_force_again_after_another_value() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
-    type_speed(&mut harness, "2");
-    harness.get_by_label_contains("Send 1").click();
-    harness.run();
+    send_two(&mut harness);
     take(&mut harness, 2.0);
     for (in_force, expected) in [(1.0, vec![2.0]), (2.0, vec![2.0, 1.0])] {
         take(&mut harness, in_force);
