@@ -25,7 +25,20 @@ pub struct Rectification {
     raw_size: [u32; 2],
     /// By rows: u, v in the raw image, pixels; a position far outside of the image where the raw camera sees nothing.
     source: Vec<[f32; 2]>,
+    /// The same, prepared for the interpolation.
+    taps: Vec<Tap>,
 }
+
+/// The four pixels between which a position lies.
+#[derive(Clone, Copy, Debug)]
+struct Tap {
+    /// Number of the upper left one, by rows; [`AT_BORDER`] if not all four lie in the image.
+    first: u32,
+    /// Position to the right of and below the upper left one, 0 to 1.
+    part: [f32; 2],
+}
+
+const AT_BORDER: u32 = u32::MAX;
 
 /// A position outside of every image.
 const NOWHERE: [f32; 2] = [-1e6, -1e6];
@@ -54,7 +67,9 @@ impl Rectification {
         };
         let source =
             (0..raw.height).flat_map(|v| (0..raw.width).map(move |u| (u, v))).map(|(u, v)| source_of(u, v));
-        Ok(Rectification { source: source.collect(), camera, baseline_m: -tx / fx, raw_size: size })
+        let source: Vec<[f32; 2]> = source.collect();
+        let taps = source.iter().map(|&position| Tap::at(position, size)).collect();
+        Ok(Rectification { source, taps, camera, baseline_m: -tx / fx, raw_size: size })
     }
 
     /// The rectified camera: P's matrix, no distortion.
@@ -119,17 +134,19 @@ impl Rectification {
     fn fill(&self, raw: &[u8], channels: usize, rectified: &mut [u8]) {
         let [width, height] = self.raw_size.map(|side| side as i32);
         let stride = width as usize * channels;
-        for (pixel, &[u, v]) in rectified.chunks_exact_mut(channels).zip(&self.source) {
-            let (u0, v0) = (floor(u), floor(v));
-            let (fu, fv) = (u - u0 as f32, v - v0 as f32);
-            if u0 >= 0 && v0 >= 0 && u0 + 1 < width && v0 + 1 < height {
-                let at = v0 as usize * stride + u0 as usize * channels;
+        let pixels = rectified.chunks_exact_mut(channels).zip(&self.taps).zip(&self.source);
+        for ((pixel, &Tap { first, part: [fu, fv] }), position) in pixels {
+            if first != AT_BORDER {
+                let at = first as usize * channels;
                 let (top, bottom) =
                     (&raw[at..at + 2 * channels], &raw[at + stride..at + stride + 2 * channels]);
                 for (c, value) in pixel.iter_mut().enumerate() {
                     *value = blend(top[c], top[c + channels], bottom[c], bottom[c + channels], fu, fv);
                 }
-            } else if u0 >= -1 && v0 >= -1 && u0 < width && v0 < height {
+                continue;
+            }
+            let [u0, v0] = position.map(floor);
+            if u0 >= -1 && v0 >= -1 && u0 < width && v0 < height {
                 let tap = |x: i32, y: i32, c: usize| {
                     if x < 0 || y < 0 || x >= width || y >= height {
                         return 0;
@@ -142,6 +159,15 @@ impl Rectification {
                 }
             }
         }
+    }
+}
+
+impl Tap {
+    fn at([u, v]: [f32; 2], [width, height]: [u32; 2]) -> Tap {
+        let (u0, v0) = (floor(u), floor(v));
+        let is_inside = u0 >= 0 && v0 >= 0 && u0 + 1 < width as i32 && v0 + 1 < height as i32;
+        let first = if is_inside { v0 as u32 * width + u0 as u32 } else { AT_BORDER };
+        Tap { first, part: [u - u0 as f32, v - v0 as f32] }
     }
 }
 
