@@ -117,7 +117,7 @@ pub use cycle::{Cycle, Msg};
 pub use diff::{RunDifference, diff, diff_each, diff_runs};
 pub use error::RunError;
 pub use files::{FileTable, NamedFile};
-pub use history::{Moment, PastOptions, PastUse, RunId, RunSummary, Session, remove_abandoned_pasts};
+pub use history::{Moment, PastOptions, PastUse, RunId, RunSummary, Session};
 pub use journal::{EventPlace, ExternalEvent, Journal};
 pub use live::{Live, LiveOptions, Stopped, lower_priority};
 pub use options::RunOptions;

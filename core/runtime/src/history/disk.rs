@@ -1,16 +1,14 @@
-//! Storage of a run's past on disk: compressed pieces, appended to files in a folder of this process.
+//! Storage of a run's past on disk: compressed pieces, appended to files without a name.
 //!
 //! Pieces are reference-counted; when the last reference is dropped, the bytes of the piece are dead. A file without
-//! live bytes is removed, and a file that is mostly dead is rewritten. The index is kept in memory only, because
-//! another process cannot use the folder. The next process removes folders of processes that have ended, which it
-//! recognises by their released lock.
+//! live bytes is closed, and a file that is mostly dead is rewritten. No other process can open the files, and the system
+//! frees their space when this one ends, in whatever way.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io;
-use std::os::unix::fs::{FileExt, MetadataExt};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 /// Greatest size of a file to which pieces are appended; less if the budget is small.
@@ -20,92 +18,15 @@ pub(crate) const OVER_BUDGET: &str = "the past would take more than its";
 /// zstd's level: most of the data are camera noise or empty map cells, for which a higher level gains nothing.
 const LEVEL: i32 = 1;
 
-/// The folder of this process, removed when dropped.
-struct Folder {
-    path: PathBuf,
-    lock_path: PathBuf,
-    _lock: File,
-}
-
-impl Folder {
-    /// Creates a folder below `root`.
-    fn make(root: &Path) -> io::Result<Self> {
-        static COUNT: AtomicU64 = AtomicU64::new(0);
-        fs::create_dir_all(root)?;
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("{}-{count}", std::process::id());
-        let lock_path = root.join(format!("{name}.lock"));
-        let lock = lock_at(&lock_path)?;
-        let path = root.join(name);
-        // An earlier process with the same number may have left its folder.
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir(&path)?;
-        Ok(Self { path, lock_path, _lock: lock })
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // If the folder cannot be removed now, the next start tries again.
-        let _ = fs::remove_dir_all(&self.path);
-        let _ = fs::remove_file(&self.lock_path);
-    }
-}
-
-/// Makes the file at a path, if it is not there, and locks it.
-fn lock_at(path: &Path) -> io::Result<File> {
-    loop {
-        let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
-        lock.lock()?;
-        // Before it was locked, `remove_abandoned_pasts` may have removed it.
-        if is_at(&lock, path)? {
-            return Ok(lock);
-        }
-    }
-}
-
-/// Whether an open file is still the one at a path.
-fn is_at(file: &File, path: &Path) -> io::Result<bool> {
-    let is = file.metadata()?.ino();
-    match fs::metadata(path) {
-        Ok(there) => Ok(there.ino() == is),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
-        Err(error) => Err(error),
-    }
-}
-
-/// Removes the pasts that killed programs have left in a folder ([`PastOptions::folder`](crate::PastOptions::folder)),
-/// and returns their number. Those of programs that run stay.
-pub fn remove_abandoned_pasts(root: &Path) -> usize {
-    let Ok(entries) = fs::read_dir(root) else { return 0 };
-    let mut removed = 0;
-    for path in entries.flatten().map(|entry| entry.path()) {
-        if path.extension().is_none_or(|extension| extension != "lock") {
-            continue;
-        }
-        let Ok(lock) = OpenOptions::new().write(true).open(&path) else { continue };
-        if lock.try_lock().is_err() || !is_at(&lock, &path).unwrap_or(false) {
-            continue;
-        }
-        let gone = fs::remove_dir_all(path.with_extension(""));
-        if gone.is_ok() || gone.is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
-            removed += usize::from(fs::remove_file(&path).is_ok());
-        }
-    }
-    removed
-}
-
 /// One file of pieces.
 struct Pack {
     file: Arc<File>,
-    path: PathBuf,
     bytes: u64,
     living: u64,
     pieces: Vec<Weak<Piece>>,
 }
 
 struct Inner {
-    folder: Option<Folder>,
     packs: BTreeMap<u32, Pack>,
     next: u32,
     bytes: u64,
@@ -114,7 +35,7 @@ struct Inner {
 
 /// All pieces on disk.
 pub(crate) struct Disk {
-    root: PathBuf,
+    folder: PathBuf,
     budget: u64,
     file_bytes: u64,
     inner: Mutex<Inner>,
@@ -159,11 +80,11 @@ impl Piece {
 }
 
 impl Disk {
-    /// Up to `budget` bytes in a folder of this process below `root`, which is created at the first write.
-    pub(crate) fn new(root: PathBuf, budget: u64) -> Arc<Self> {
-        let inner = Inner { folder: None, packs: BTreeMap::new(), next: 0, bytes: 0, living: 0 };
+    /// Up to `budget` bytes in files in `folder`, which is created at the first write.
+    pub(crate) fn new(folder: PathBuf, budget: u64) -> Arc<Self> {
+        let inner = Inner { packs: BTreeMap::new(), next: 0, bytes: 0, living: 0 };
         let file_bytes = (budget / 32).clamp(*FILE_BYTES.start(), *FILE_BYTES.end());
-        Arc::new(Self { root, budget, file_bytes, inner: Mutex::new(inner) })
+        Arc::new(Self { folder, budget, file_bytes, inner: Mutex::new(inner) })
     }
 
     /// Size of all files, bytes.
@@ -227,15 +148,11 @@ impl Disk {
     }
 
     fn begin_file(&self, inner: &mut Inner) -> io::Result<u32> {
-        if inner.folder.is_none() {
-            inner.folder = Some(Folder::make(&self.root)?);
-        }
-        let folder = inner.folder.as_ref().map(|folder| folder.path.clone()).unwrap_or_default();
+        fs::create_dir_all(&self.folder)?;
+        let file = tempfile::tempfile_in(&self.folder)?;
         let number = inner.next;
-        let path = folder.join(format!("{number}.past"));
-        let file = OpenOptions::new().create_new(true).read(true).write(true).open(&path)?;
         inner.next += 1;
-        let pack = Pack { file: Arc::new(file), path, bytes: 0, living: 0, pieces: Vec::new() };
+        let pack = Pack { file: Arc::new(file), bytes: 0, living: 0, pieces: Vec::new() };
         inner.packs.insert(number, pack);
         Ok(number)
     }
@@ -247,11 +164,9 @@ impl Disk {
         let Some(pack) = inner.packs.get_mut(&number) else { return };
         pack.living = pack.living.saturating_sub(bytes);
         if pack.living == 0 && (!is_last || pack.bytes >= self.file_bytes) {
-            let (path, length) = (pack.path.clone(), pack.bytes);
+            let length = pack.bytes;
             inner.packs.remove(&number);
             inner.bytes = inner.bytes.saturating_sub(length);
-            // A file that cannot be removed now is removed with its folder.
-            let _ = fs::remove_file(path);
         }
     }
 
@@ -298,27 +213,29 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back_until_it_is_damaged_and_the_folder_goes_with_its_owner() {
+    fn what_is_written_is_read_back_until_it_is_damaged() {
         let root = tempfile::tempdir().unwrap();
-        let disk = Disk::new(root.path().to_owned(), 1 << 20);
+        let disk = Disk::new(root.path().join("past"), 1 << 20);
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0, "nothing is made before it is needed");
         let pieces: Vec<_> = (0..4).map(|i| disk.write(&noise(i, 1000)).unwrap()).collect();
         for (i, piece) in pieces.iter().enumerate() {
             assert_eq!(piece.read().unwrap(), noise(i as u8, 1000));
         }
-        let file = root.path().join(format!("{}-", std::process::id()));
-        let folder =
-            fs::read_dir(root.path()).unwrap().flatten().find(|entry| entry.path().is_dir()).unwrap();
-        assert!(folder.path().to_string_lossy().starts_with(&*file.to_string_lossy()));
-        let pack = folder.path().join("0.past");
-        let mut bytes = fs::read(&pack).unwrap();
-        bytes[500] ^= 1;
-        fs::write(&pack, bytes).unwrap();
+        let file = Arc::clone(&disk.lock().packs[&0].file);
+        let mut byte = [0];
+        file.read_exact_at(&mut byte, 500).unwrap();
+        file.write_all_at(&[byte[0] ^ 1], 500).unwrap();
         assert!(pieces[0].read().is_err(), "damage is seen");
         assert!(pieces[1].read().is_ok());
-        drop(pieces);
-        drop(disk);
-        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_program_that_is_killed_leaves_nothing_behind() {
+        let root = tempfile::tempdir().unwrap();
+        let disk = Disk::new(root.path().to_owned(), 1 << 20);
+        let piece = disk.write(b"alive").unwrap();
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0, "the files have no names");
+        assert_eq!(piece.read().unwrap(), b"alive");
     }
 
     #[test]
@@ -341,31 +258,5 @@ mod tests {
         pieces.clear();
         let full: Vec<_> = std::iter::from_fn(|| disk.write(&block).ok()).collect();
         assert!(disk.bytes() <= 100 << 20 && full.len() > 60, "{} pieces", full.len());
-    }
-
-    #[test]
-    fn a_lock_is_that_of_its_path_until_it_is_removed_there() {
-        let root = tempfile::tempdir().unwrap();
-        let path = root.path().join("1-0.lock");
-        let first = lock_at(&path).unwrap();
-        assert!(is_at(&first, &path).unwrap());
-        fs::remove_file(&path).unwrap();
-        assert!(!is_at(&first, &path).unwrap(), "it was removed");
-        let second = lock_at(&path).unwrap();
-        assert!(!is_at(&first, &path).unwrap() && is_at(&second, &path).unwrap(), "another one was made");
-    }
-
-    #[test]
-    fn folders_of_processes_that_are_no_more_are_removed_and_those_of_the_living_stay() {
-        let root = tempfile::tempdir().unwrap();
-        let disk = Disk::new(root.path().to_owned(), 1 << 20);
-        let piece = disk.write(b"alive").unwrap();
-        fs::write(root.path().join("1-0.lock"), b"").unwrap();
-        fs::create_dir(root.path().join("1-0")).unwrap();
-        fs::write(root.path().join("1-0/0.past"), b"dead").unwrap();
-        assert_eq!(remove_abandoned_pasts(root.path()), 1);
-        assert!(!root.path().join("1-0").exists() && !root.path().join("1-0.lock").exists());
-        assert_eq!(piece.read().unwrap(), b"alive");
-        assert_eq!(remove_abandoned_pasts(&root.path().join("absent")), 0);
     }
 }

@@ -19,7 +19,6 @@ mod samples;
 mod spill;
 mod stretch;
 
-pub use disk::remove_abandoned_pasts;
 pub use options::PastOptions;
 pub(crate) use reader::{Piece, RunReader};
 pub use retention::PastUse;

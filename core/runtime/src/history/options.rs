@@ -9,8 +9,7 @@ pub struct PastOptions {
     pub memory_bytes: u64,
     /// Disk limit of the past, bytes; with 0 it stays in memory.
     pub disk_bytes: u64,
-    /// Folder for what does not stay in memory. Each process creates its own folder in it and removes it at its end; at
-    /// its start it removes folders that killed processes have left.
+    /// Folder for what does not stay in memory: files without a name, whose space is free again when the program ends.
     pub folder: PathBuf,
 }
 

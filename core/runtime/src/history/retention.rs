@@ -6,7 +6,7 @@
 //! by the same rule.
 
 use super::Session;
-use super::disk::{Disk, remove_abandoned_pasts};
+use super::disk::Disk;
 use super::options::PastOptions;
 use super::samples::Tape;
 use super::spill::{Done, Job, Spill};
@@ -74,10 +74,6 @@ pub(super) struct Retention {
 
 impl Retention {
     pub(super) fn new(options: PastOptions, plan: Arc<Plan>) -> Self {
-        let removed = remove_abandoned_pasts(&options.folder);
-        if removed > 0 {
-            tracing::info!("removed the past of {removed} programs that were killed");
-        }
         let disk = Disk::new(options.folder.clone(), options.disk_bytes);
         Self {
             options,

@@ -8,10 +8,6 @@ use crate::layout::data_dir;
 use crate::offscreen::{Adapters, adapters};
 use crate::open::Request;
 use anyhow::anyhow;
-use rcs_runtime::remove_abandoned_pasts;
-use std::io;
-use std::path::PathBuf;
-use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
 /// Opens the window; returns when it is closed.
@@ -24,9 +20,6 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     let layout = args.layout.as_deref().map(named).transpose()?;
     let request = Request::of(&args);
     asked::check(&request)?;
-    if let Err(error) = remove_abandoned(args.past.options().folder) {
-        tracing::warn!("no thread to remove the pasts of programs that were killed: {error}");
-    }
     let options = Options { request, layout, data_dir };
     let adapters = adapters();
     // Software Vulkan draws a full window five times more slowly than software OpenGL.
@@ -69,17 +62,6 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     })
 }
 
-/// Removes the pasts that killed programs have left in a folder, on a thread of its own, because they can be gigabytes.
-fn remove_abandoned(folder: PathBuf) -> io::Result<JoinHandle<()>> {
-    let remove = move || {
-        let removed = remove_abandoned_pasts(&folder);
-        if removed > 0 {
-            tracing::info!("removed the past of {removed} programs that were killed");
-        }
-    };
-    thread::Builder::new().name("abandoned".to_owned()).spawn(remove)
-}
-
 struct App {
     window: Window,
     started: Instant,
@@ -105,21 +87,5 @@ impl eframe::App for App {
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
         visuals.panel_fill.to_normalized_gamma_f32()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_a_killed_program_has_left_of_its_past_is_removed_at_the_start() {
-        let root = tempfile::tempdir().unwrap();
-        let (past, lock) = (root.path().join("1-0"), root.path().join("1-0.lock"));
-        std::fs::create_dir(&past).unwrap();
-        std::fs::write(past.join("0.past"), b"dead").unwrap();
-        std::fs::write(&lock, b"").unwrap();
-        remove_abandoned(root.path().to_owned()).unwrap().join().unwrap();
-        assert!(!past.exists() && !lock.exists());
     }
 }
