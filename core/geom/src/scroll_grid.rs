@@ -311,6 +311,20 @@ impl<T: Clone> ScrollGrid<T> {
         self.tiles.get(tile).map_or(&[], |cells| cells)
     }
 
+    /// The cell that is stored at a place of a tile; `None` if there is no such place, or it is padding.
+    pub fn cell_in(&self, tile: usize, at: usize) -> Option<CellIndex> {
+        let tiles_a_side = self.side.div_ceil(TILE);
+        let (x, y) = (tile % tiles_a_side * TILE + at % TILE, tile / tiles_a_side * TILE + at / TILE);
+        if x >= self.side || y >= self.side || at >= TILE * TILE {
+            return None;
+        }
+        let CellIndex { x: west, y: south } = self.bounds().south_west;
+        let behind = |at: usize, first: i64| {
+            (at as i64 - first.rem_euclid(self.side as i64)).rem_euclid(self.side as i64)
+        };
+        Some(CellIndex::new(west, south).offset(behind(x, west), behind(y, south)))
+    }
+
     /// Cells of a tile, to write; empty if there is no such tile. The call copies the tile if a clone shares it.
     pub fn tile_mut(&mut self, tile: usize) -> &mut [T] {
         self.tiles.get_mut(tile).map_or(&mut [], |cells| Arc::make_mut(cells))

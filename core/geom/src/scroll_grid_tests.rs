@@ -222,3 +222,30 @@ fn a_one_cell_scroll_of_201_cells_takes_microseconds() {
     println!("one-cell scroll of 201x201 cells of 128 bytes: {each:?}");
     assert!(each < std::time::Duration::from_millis(2));
 }
+
+#[test]
+fn every_cell_is_stored_at_one_place_and_places_beyond_the_side_hold_none() {
+    let check = |side: usize, centre: CellIndex| {
+        let mut grid = ScrollGrid::new(side, 0.2, CellIndex::default()).unwrap();
+        grid.recentre_with(centre, |cell| cell);
+        grid.bounds().iter().for_each(|cell| *grid.get_mut(cell).unwrap() = cell);
+        let places = (0..grid.tile_count()).flat_map(|tile| (0..TILE * TILE).map(move |at| (tile, at)));
+        let mut stored: Vec<_> = places
+            .filter_map(|(tile, at)| {
+                let cell = grid.cell_in(tile, at)?;
+                assert_eq!(grid.tile(tile)[at], cell, "place {at} of tile {tile}");
+                Some(cell)
+            })
+            .collect();
+        stored.sort_unstable();
+        let mut cells: Vec<_> = grid.bounds().iter().collect();
+        cells.sort_unstable();
+        assert_eq!(stored, cells);
+        assert_eq!(grid.cell_in(grid.tile_count(), 0), None);
+        assert_eq!(grid.cell_in(0, TILE * TILE), None);
+    };
+    check(1, CellIndex::new(0, 0));
+    check(8, CellIndex::new(5, -3));
+    check(21, CellIndex::new(-100, 7));
+    check(24, CellIndex::new(1000, -1001));
+}

@@ -3,7 +3,7 @@
 //! Most of a map is the same from one message to the next. A [`DeltaCodec`] stores a complete message from time to
 //! time, on the channel of the messages and in their own type, so that any tool can read it. The messages between two
 //! key frames are stored as deltas on a second channel. The codec belongs to the message type; the recorder and the
-//! readers know only these traits.
+//! readers know only these traits. The hash of a run, too, looks only at what has changed: see [`Digester`].
 
 use crate::any::AnyMessage;
 use crate::schema::Schema;
@@ -24,6 +24,8 @@ pub trait DeltaCodec: std::fmt::Debug + Send + Sync {
     fn encoder(&self) -> Box<dyn DeltaEncoder>;
     /// A new decoder for one channel.
     fn decoder(&self) -> Box<dyn DeltaDecoder>;
+    /// A new digester for one buffer.
+    fn digester(&self) -> Box<dyn Digester>;
 }
 
 /// The form in which a message is stored.
@@ -50,4 +52,20 @@ pub trait DeltaDecoder: Send {
     /// The message that a delta encodes. It is an error if the delta does not follow the last accepted message or does
     /// not decode. After one that does not decode, deltas are refused until the next key frame.
     fn take_delta(&mut self, sequence: u32, delta: &[u8]) -> Result<AnyMessage, String>;
+}
+
+/// What identifies the content of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Digest {
+    /// A cryptographic hash of the content.
+    pub hash: [u8; 32],
+    /// Size of the encoded message.
+    pub bytes: usize,
+}
+
+/// Hashes the messages of one buffer without encoding them.
+pub trait Digester: Send {
+    /// The digest of a message. It follows from the content of the message alone; what has not changed since the message
+    /// before is not hashed again. `None` for a message that is not of the codec's own Rust type: its bytes identify it.
+    fn digest(&mut self, message: &AnyMessage) -> Option<Digest>;
 }

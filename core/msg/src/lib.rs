@@ -57,7 +57,7 @@ mod value;
 pub use any::{AnyMessage, DeferredSource, Payload, schema_of};
 pub use convert::{ConvertError, DELETES_NAMESPACE, canonical, canonical_name};
 pub use definition::MessageEncoding;
-pub use delta::{DELTA_OF, DELTA_SUFFIX, DeltaCodec, DeltaDecoder, DeltaEncoder, Stored};
+pub use delta::{DELTA_OF, DELTA_SUFFIX, DeltaCodec, DeltaDecoder, DeltaEncoder, Digest, Digester, Stored};
 pub use header::{header_frame, header_stamp};
 pub use json::{JsonError, from_json, from_json_as, to_json};
 pub use packed::{Number, Packed, Scalar};

@@ -38,7 +38,8 @@ impl LiveTally {
                 times.entry(record.process.clone()).or_default().count(took_ns, period_ns);
             }));
         }
-        let tallies = hash.then(|| Tallies::tap_on_a_thread(buffers, MOST_UNHASHED, || {})).transpose()?;
+        let tallies =
+            hash.then(|| Tallies::tap_on_a_thread(plan, buffers, MOST_UNHASHED, || {})).transpose()?;
         Ok(Self { times, tallies })
     }
 

@@ -162,7 +162,7 @@ impl Stepped {
 
     fn at(machine: Machine, feed: Option<Feed>, options: RunOptions, start: Stamp) -> Self {
         let pool = Arc::new(Pool::new(options.threads));
-        let tallies = options.hash.then(|| Tallies::tap(&machine.buffers, pool.threads()));
+        let tallies = options.hash.then(|| Tallies::tap(&machine.plan, &machine.buffers, pool.threads()));
         Self {
             options,
             now: start,

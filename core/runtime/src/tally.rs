@@ -1,10 +1,11 @@
 //! Counts and hashes what is written to the buffers of a run.
 //!
-//! Hashing encodes every message. Where the run has more than one thread, both are done on a thread of their own, so
-//! that nothing that reads the message waits for them.
+//! Hashing encodes every message that has no [`Digester`]. Where the run has more than one thread, both are done on a
+//! thread of their own, so that nothing that reads the message waits for them.
 
-use crate::stack::names;
+use crate::stack::{BufferPlan, Plan, names};
 use rcs_bus::{Buffer, Sample};
+use rcs_msg::{DeltaCodec, Digester};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -19,25 +20,38 @@ pub(crate) struct Tally {
     pub(crate) bytes: u64,
 }
 
-impl Tally {
+/// What was written to one buffer, and what the next message needs.
+struct Counter {
+    tally: Tally,
+    digester: Option<Box<dyn Digester>>,
+}
+
+impl Counter {
     /// Counts one more message.
     fn take(&mut self, sample: &Sample) {
         let header = &sample.header;
-        let bytes = sample.message.bytes();
         let mut hasher = blake3::Hasher::new();
-        hasher.update(&self.hash);
+        hasher.update(&self.tally.hash);
         hasher.update(&header.sequence.to_le_bytes());
         hasher.update(&header.log_time.0.to_le_bytes());
         hasher.update(&header.acq_time.0.to_le_bytes());
-        hasher.update(&bytes);
-        self.hash = *hasher.finalize().as_bytes();
-        self.bytes += bytes.len() as u64;
+        let digest = self.digester.as_mut().and_then(|digester| digester.digest(&sample.message));
+        let size = if let Some(digest) = digest {
+            hasher.update(&digest.hash);
+            digest.bytes
+        } else {
+            let bytes = sample.message.bytes();
+            hasher.update(&bytes);
+            bytes.len()
+        };
+        self.tally.hash = *hasher.finalize().as_bytes();
+        self.tally.bytes += size as u64;
     }
 }
 
 /// Counts what is written to each buffer, in the order of the plan.
 pub(crate) struct Tallies {
-    counted: Arc<Mutex<Vec<Tally>>>,
+    counted: Arc<Mutex<Vec<Counter>>>,
     thread: Option<Thread>,
 }
 
@@ -56,13 +70,13 @@ enum Todo {
 impl Tallies {
     /// Counts for a stepped run with this many threads: on the writer's if that is one, else in the time in which the
     /// cycles leave a core idle.
-    pub(crate) fn tap(buffers: &[Arc<Buffer>], threads: usize) -> Self {
+    pub(crate) fn tap(plan: &Plan, buffers: &[Arc<Buffer>], threads: usize) -> Self {
         if threads > 1
-            && let Ok(tallies) = Self::tap_on_a_thread(buffers, MOST_WAITING, crate::lower_priority)
+            && let Ok(tallies) = Self::tap_on_a_thread(plan, buffers, MOST_WAITING, crate::lower_priority)
         {
             return tallies;
         }
-        let counted = Arc::new(Mutex::new(vec![Tally::default(); buffers.len()]));
+        let counted = Arc::new(Mutex::new(counters(plan)));
         for (index, buffer) in counted_buffers(buffers) {
             let counted = Arc::clone(&counted);
             buffer.tap(Box::new(move |sample: &Sample| lock(&counted)[index].take(sample)));
@@ -73,11 +87,12 @@ impl Tallies {
     /// Counts on a thread of its own, which calls `start` first; a writer waits while `most_waiting` messages are waiting
     /// to be counted.
     pub(crate) fn tap_on_a_thread(
+        plan: &Plan,
         buffers: &[Arc<Buffer>],
         most_waiting: usize,
         start: fn(),
     ) -> std::io::Result<Self> {
-        let counted = Arc::new(Mutex::new(vec![Tally::default(); buffers.len()]));
+        let counted = Arc::new(Mutex::new(counters(plan)));
         let (sender, todo) = sync_channel(most_waiting);
         let handle = {
             let counted = Arc::clone(&counted);
@@ -99,13 +114,14 @@ impl Tallies {
 
     /// What was written so far; `None` if the thread that counts has panicked.
     pub(crate) fn get(&self) -> Option<Vec<Tally>> {
-        self.is_up_to_date().then(|| lock(&self.counted).clone())
+        self.is_up_to_date().then(|| lock(&self.counted).iter().map(|counter| counter.tally).collect())
     }
 
     /// Continues from what had been written at another time.
     pub(crate) fn set(&self, saved: &[Tally]) {
         if self.is_up_to_date() {
-            lock(&self.counted).copy_from_slice(saved);
+            let mut counted = lock(&self.counted);
+            counted.iter_mut().zip(saved).for_each(|(counter, &tally)| counter.tally = tally);
         }
     }
 
@@ -130,7 +146,7 @@ fn counted_buffers(buffers: &[Arc<Buffer>]) -> impl Iterator<Item = (usize, &Arc
     buffers.iter().enumerate().filter(|(_, buffer)| buffer.name() != names::TIMING)
 }
 
-fn count(todo: &Receiver<Todo>, counted: &Mutex<Vec<Tally>>) {
+fn count(todo: &Receiver<Todo>, counted: &Mutex<Vec<Counter>>) {
     while let Ok(todo) = todo.recv() {
         match todo {
             Todo::Count(index, sample) => lock(counted)[index].take(&sample),
@@ -140,6 +156,15 @@ fn count(todo: &Receiver<Todo>, counted: &Mutex<Vec<Tally>>) {
             Todo::End => return,
         }
     }
+}
+
+/// A counter for each buffer of the plan.
+fn counters(plan: &Plan) -> Vec<Counter> {
+    let counter = |buffer: &BufferPlan| Counter {
+        tally: Tally::default(),
+        digester: buffer.codec.map(DeltaCodec::digester),
+    };
+    plan.buffers.iter().map(counter).collect()
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

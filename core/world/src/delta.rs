@@ -14,10 +14,13 @@ use std::sync::Arc;
 use rcs_geom::{CellIndex, TILE};
 use rcs_msg::foxglove::Grid;
 use rcs_msg::rcs::{MapColumn, MapDelta, MapWeight};
-use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp, Stored, schema_of};
+use rcs_msg::{
+    AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Digester, Schema, Stamp, Stored, schema_of,
+};
 
 use crate::cell::{HEIGHTS_PER_M, ROUNDED_BELOW_M, VARIANCE_SHIFT};
 use crate::columns::{HEIGHT_PARTS, OBSTACLE_SEEN_FROM};
+use crate::digest::MapDigester;
 use crate::{
     Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted, Weights,
 };
@@ -44,6 +47,10 @@ impl DeltaCodec for MapCodec {
 
     fn decoder(&self) -> Box<dyn DeltaDecoder> {
         Box::new(Decoder::default())
+    }
+
+    fn digester(&self) -> Box<dyn Digester> {
+        Box::new(MapDigester::default())
     }
 }
 
@@ -96,7 +103,7 @@ fn follows(before: &MapMessage, after: &MapMessage) -> bool {
 fn difference(last: &Last, message: &MapMessage) -> MapDelta {
     let (before, after) = (last.message.map(), message.map());
     let (mut tiles, mut cells, mut changed) = (Vec::new(), Vec::new(), Vec::new());
-    for tile in written_tiles(before, message) {
+    for tile in message.tiles_written_since(before) {
         let mask = changed_cells(before, message, tile);
         if mask != 0 {
             tiles.push(tile as u32);
@@ -136,21 +143,6 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
         cells,
         columns,
     }
-}
-
-/// Tiles that are not shared with the previous map, in any of its grids.
-fn written_tiles(before: &Map, after: &MapMessage) -> std::collections::BTreeSet<usize> {
-    let map = after.map();
-    let mut tiles: std::collections::BTreeSet<usize> =
-        map.grid().tiles_written_since(before.grid()).collect();
-    for source in after.options().sources.iter() {
-        match (before.layer(source), map.layer(source)) {
-            (Some(before), Some(layer)) => tiles.extend(layer.tiles_written_since(before)),
-            (None, None) => {}
-            _ => tiles.extend(0..map.grid().tile_count()),
-        }
-    }
-    tiles
 }
 
 /// The cells of a tile that differ, one bit per cell.

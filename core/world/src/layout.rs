@@ -113,6 +113,38 @@ impl Map {
                 write(place, cell, &evidence, &fused, options);
             }
         });
+        Grid { data: Bytes::from(data), ..self.empty_grid(frame_id, time, fields, cell_stride) }
+    }
+
+    /// Adds the cells of a tile as they are in the message, in the order in which they are stored.
+    pub(crate) fn put_tile(&self, tile: usize, options: &MapOptions, bytes: &mut Vec<u8>) {
+        let (_, cell_stride) = fields(options);
+        let layers: Vec<_> = options.sources.iter().map(|source| self.layer_number(source)).collect();
+        let mut evidence = vec![Evidence::NONE; layers.len()];
+        self.for_each_in_tile(tile, &options.weights, |cell, said, fused| {
+            for (evidence, &layer) in evidence.iter_mut().zip(&layers) {
+                *evidence = layer.map_or(Evidence::NONE, |layer| said[layer]);
+            }
+            let place = bytes.len();
+            bytes.resize(place + cell_stride, 0);
+            write(&mut bytes[place..], cell, &evidence, &fused, options);
+        });
+    }
+
+    /// The message of [`Map::to_grid`] without its cells, and their size, bytes.
+    pub(crate) fn header(&self, frame_id: &str, time: Stamp, options: &MapOptions) -> (Grid, usize) {
+        let (fields, cell_stride) = fields(options);
+        (self.empty_grid(frame_id, time, fields, cell_stride), self.side() * self.side() * cell_stride)
+    }
+
+    /// The message without the cells.
+    fn empty_grid(
+        &self,
+        frame_id: &str,
+        time: Stamp,
+        fields: Vec<PackedElementField>,
+        cell_stride: usize,
+    ) -> Grid {
         let corner = self.grid().origin();
         let size = self.grid().cell_size_m();
         Grid {
@@ -122,12 +154,12 @@ impl Map {
                 position: Some(Vector3 { x: corner.x, y: corner.y, z: 0.0 }),
                 orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
             }),
-            column_count: side as u32,
+            column_count: self.side() as u32,
             cell_size: Some(Vector2 { x: size, y: size }),
-            row_stride: (side * cell_stride) as u32,
+            row_stride: (self.side() * cell_stride) as u32,
             cell_stride: cell_stride as u32,
             fields,
-            data: Bytes::from(data),
+            data: Bytes::new(),
         }
     }
 

@@ -33,6 +33,9 @@
 mod cell;
 mod columns;
 mod delta;
+#[cfg(test)]
+mod delta_drive;
+mod digest;
 mod experience;
 mod fusion;
 mod grid_view;

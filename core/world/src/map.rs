@@ -268,6 +268,29 @@ impl Map {
         });
     }
 
+    /// The same for the cells of one tile, in the order in which they are stored.
+    pub(crate) fn for_each_in_tile(
+        &self,
+        tile: usize,
+        weights: &Weights,
+        mut visit: impl FnMut(&Cell, &[Evidence], Fused),
+    ) {
+        let layers = self.placed(weights);
+        let fuser = Fuser::new(&layers);
+        let tiles: Vec<&[Evidence]> = self.layers.iter().map(|(_, layer)| layer.tile(tile)).collect();
+        let mut said = vec![Evidence::NONE; tiles.len()];
+        for (at, cell) in self.grid.tile(tile).iter().enumerate() {
+            if self.grid.cell_in(tile, at).is_none() {
+                continue;
+            }
+            for (said, layer) in said.iter_mut().zip(&tiles) {
+                *said = layer.get(at).copied().unwrap_or_default();
+            }
+            let fused = fuser.fuse(|layer| said[layer]);
+            visit(cell, &said, fused);
+        }
+    }
+
     fn placed(&self, weights: &Weights) -> Layers {
         weights.placed(self.layers.iter().map(|&(source, _)| source))
     }

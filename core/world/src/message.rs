@@ -1,5 +1,6 @@
 //! A published map: the map itself, which is converted to a `foxglove.Grid` only for readers that do not know its type.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use rcs_msg::foxglove::Grid;
@@ -77,6 +78,24 @@ impl MapMessage {
             Some(costs) => costs.iter().for_each(|&cost| visit(cost)),
             None => self.map.for_each_fused(&self.options.weights, |_, fused| visit(fused.cost)),
         }
+    }
+
+    /// Tiles that are not shared with a map before it, in any of their grids.
+    pub(crate) fn tiles_written_since(&self, before: &Map) -> BTreeSet<usize> {
+        let mut tiles: BTreeSet<usize> = self.map.grid().tiles_written_since(before.grid()).collect();
+        for source in self.options.sources.iter() {
+            match (before.layer(source), self.map.layer(source)) {
+                (Some(before), Some(layer)) => tiles.extend(layer.tiles_written_since(before)),
+                (None, None) => {}
+                _ => tiles.extend(0..self.map.grid().tile_count()),
+            }
+        }
+        tiles
+    }
+
+    /// Its message without the cells, and their size, bytes.
+    pub(crate) fn header(&self) -> (Grid, usize) {
+        self.map.header(&self.frame_id, self.time, &self.options)
     }
 
     /// A message for a buffer of `foxglove.Grid`.
