@@ -73,7 +73,6 @@ pub(crate) struct Conditions {
     saved: Saved,
     shelf: Shelf,
     hits: BTreeMap<String, Hits>,
-    new: String,
     /// The formula that playing goes on to.
     until: Option<String>,
     stops: Stops,
@@ -156,7 +155,7 @@ impl View for Conditions {
     }
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        self.entry(ui);
+        self.entry(ui, &mut cx.selection.drafts.condition);
         let shown = self.find(ui.ctx(), cx.frame);
         if self.saved.conditions.is_empty() {
             let hint =
@@ -182,12 +181,12 @@ impl View for Conditions {
 }
 
 impl Conditions {
-    /// The line for a new condition.
-    fn entry(&mut self, ui: &mut Ui) {
+    /// The line for a new condition, with its text.
+    fn entry(&mut self, ui: &mut Ui, new: &mut String) {
         egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
-            let parsed = self.new.parse::<Formula>();
+            let parsed = new.parse::<Formula>();
             ui.horizontal(|ui| {
-                let edit = TextEdit::singleline(&mut self.new)
+                let edit = TextEdit::singleline(new)
                     .font(egui::TextStyle::Monospace)
                     .hint_text("a condition, such as /wm1/status.faults > 0")
                     .desired_width((ui.available_width() - 64.0).max(64.0));
@@ -197,12 +196,12 @@ impl Conditions {
                 if (ui.add_enabled(parsed.is_ok(), egui::Button::new("Add")).clicked() || entered)
                     && parsed.is_ok()
                 {
-                    let formula = std::mem::take(&mut self.new).trim().to_owned();
+                    let formula = std::mem::take(new).trim().to_owned();
                     self.saved.conditions.push(Condition { formula, stops: true });
                 }
             });
             if let Err(error) = parsed
-                && !self.new.trim().is_empty()
+                && !new.trim().is_empty()
             {
                 ui.label(RichText::new(error.to_string()).small().color(tokens(ui).weak));
             }

@@ -6,10 +6,10 @@
 //! go.
 
 use crate::command;
-use crate::fields::Fields;
+use crate::fields::{Fields, Saved as SavedFields};
 use crate::process_state::{silent_s, state_name};
 use crate::tuning::{ParamRow, ParamRows};
-use crate::view::{SavedState, TopicKey, View, ViewContext};
+use crate::view::{CommandDraft, SavedState, TopicKey, View, ViewContext};
 use egui::{Align, FontId, RichText, Role, ScrollArea, Sense, Ui, UiBuilder, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::params::{defaults, specs, with_params};
@@ -32,16 +32,14 @@ struct Saved {
     on_each_change: bool,
     /// The buffer of the process whose fields are shown; its status where none is named.
     buffers: BTreeMap<String, String>,
+    /// What is unfolded of these fields, and the array that is shown, as in the view *Fields*.
+    fields: SavedFields,
 }
 
 /// The details view.
 #[derive(Default)]
 pub(crate) struct Details {
     saved: Saved,
-    /// Parameters by process and command.
-    drafts: BTreeMap<(String, String), AnyMessage>,
-    /// The parameters that were sent last, by process and command.
-    sent: BTreeMap<(String, String), AnyMessage>,
     refused: Option<String>,
     fields: Fields,
 }
@@ -64,11 +62,13 @@ impl View for Details {
     }
 
     fn save(&self) -> SavedState {
-        serde_json::to_value(&self.saved).unwrap_or_default()
+        let saved = Saved { fields: self.fields.saved.clone(), ..self.saved.clone() };
+        serde_json::to_value(saved).unwrap_or_default()
     }
 
     fn load(&mut self, saved: &SavedState) -> Result<(), serde_json::Error> {
         self.saved = serde_json::from_value(saved.clone())?;
+        self.fields.saved = std::mem::take(&mut self.saved.fields);
         Ok(())
     }
 
@@ -244,9 +244,6 @@ impl Details {
             let bytes = rcs_msg::prost::Message::encode_to_vec(&message);
             Some(AnyMessage::encoded(Arc::clone(schema), bytes.into()))
         });
-        if let Some(made) = &made {
-            self.drafts.entry(key.clone()).or_insert_with(|| made.clone());
-        }
         let refused = command::refusal(cx.frame);
         let mut send = false;
         ui.horizontal(|ui| {
@@ -261,21 +258,23 @@ impl Details {
         if let Some(refused) = &self.refused {
             ui.label(RichText::new(refused).small().color(tokens(ui).error));
         }
-        let Some(draft) = self.drafts.get_mut(&key).filter(|_| made.is_some()) else {
+        let Some(made) = made else {
             ui.horizontal(|ui| {
                 ui.add_space(8.0);
                 ui.label(RichText::new(&command.help).color(tokens(ui).weak));
             });
             if send {
-                self.send(cx, process, command, None);
+                command::send(cx, process, &command.name, None);
             }
             return;
         };
-        let before = self.sent.get(&key).or(made.as_ref()).map(AnyMessage::bytes);
-        let (value, now) =
-            (draft.value().unwrap_or(rcs_msg::Value::Null), made.and_then(|made| made.value().ok()));
-        let now = now.unwrap_or(rcs_msg::Value::Null);
-        let list = draft.schema().descriptor().map(specs).unwrap_or_default();
+        let drafts = &mut cx.selection.drafts.commands;
+        let draft = drafts.remove(&key).unwrap_or_else(|| CommandDraft { params: made.clone(), sent: None });
+        let CommandDraft { mut params, mut sent } = draft;
+        let before = sent.as_ref().unwrap_or(&made).bytes();
+        let value = params.value().unwrap_or(rcs_msg::Value::Null);
+        let now = made.value().unwrap_or(rcs_msg::Value::Null);
+        let list = params.schema().descriptor().map(specs).unwrap_or_default();
         let (mut edits, mut let_go) = (Vec::new(), false);
         ScrollArea::vertical().id_salt("parameters").auto_shrink(false).show(ui, |ui| {
             let mut rows = ParamRows { search: "", now: &now, edits: &mut edits, let_go: &mut let_go };
@@ -284,31 +283,19 @@ impl Details {
             }
         });
         for (path, text) in edits {
-            match with_params(draft, [(path.as_str(), text.as_str())]) {
-                Ok(changed) => (*draft, self.refused) = (changed, None),
+            match with_params(&params, [(path.as_str(), text.as_str())]) {
+                Ok(changed) => (params, self.refused) = (changed, None),
                 Err(error) => self.refused = Some(error.to_string()),
             }
         }
-        let draft = draft.clone();
         // A control that was let go unchanged sends nothing.
-        let is_other = before.as_ref() != Some(&draft.bytes());
+        let is_other = before != params.bytes();
         send |= let_go && is_other && self.saved.on_each_change && refused.is_none();
         if send {
-            self.send(cx, process, command, Some(&draft));
+            command::send(cx, process, &command.name, Some(&params));
+            sent = Some(params.clone());
         }
-    }
-
-    fn send(
-        &mut self,
-        cx: &mut ViewContext<'_>,
-        process: &ProcessInfo,
-        command: &CommandInfo,
-        parameters: Option<&AnyMessage>,
-    ) {
-        if let Some(parameters) = parameters {
-            self.sent.insert((process.name.clone(), command.name.clone()), parameters.clone());
-        }
-        command::send(cx, process, &command.name, parameters);
+        cx.selection.drafts.commands.insert(key, CommandDraft { params, sent });
     }
 
     /// The fields of one of the process's buffers.

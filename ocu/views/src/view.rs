@@ -1,6 +1,8 @@
 //! The interface of a view, and what it receives.
 
+use crate::edit::draft::Draft as FieldsDraft;
 use crate::map::draft::Draft as MissionDraft;
+use crate::map::example::Example;
 use crate::operator::{DriveSettings, Hand};
 use crate::sweep::{SweepRequest, SweepState};
 use crate::tuning::draft::Draft as ParamsDraft;
@@ -54,6 +56,11 @@ impl RunChoice {
             Self::Run(run) => RunId(run).to_string(),
         }
     }
+}
+
+/// The run of a frame that is shown beside the viewed run; `None` for the viewed run.
+pub(crate) fn run_beside(frame: &Frame) -> Option<RunId> {
+    frame.is_beside.then(|| frame.runs.current())
 }
 
 /// Identifies a topic in layouts, in selections and while dragging.
@@ -234,14 +241,34 @@ pub struct Drafts {
     pub(crate) params: BTreeMap<(String, Option<RunId>), ParamsDraft>,
     /// Missions that are being drawn, by the frame of the map.
     pub(crate) missions: BTreeMap<String, MissionDraft>,
+    /// Examples for learning that are being drawn, by the frame of the map.
+    pub(crate) examples: BTreeMap<String, Example>,
+    /// Edited fields, by topic, and by the run as above.
+    pub(crate) fields: BTreeMap<(TopicKey, Option<RunId>), FieldsDraft>,
+    /// Parameters of commands, by process and command.
+    pub(crate) commands: BTreeMap<(String, String), CommandDraft>,
+    /// A condition that is being written.
+    pub(crate) condition: String,
+}
+
+/// Parameters of a command.
+#[derive(Clone, Debug)]
+pub(crate) struct CommandDraft {
+    /// The complete parameters.
+    pub(crate) params: AnyMessage,
+    /// Those that were sent last. A control that is let go with them sends nothing.
+    pub(crate) sent: Option<AnyMessage>,
 }
 
 impl Drafts {
     /// The drafts where the same source begins again: the new run has none of what was sent to the one before.
+    /// Parameters of commands stay as they are: a control that is let go unchanged sends nothing in the new run, either.
     #[must_use]
     pub fn after_restart(mut self) -> Self {
         self.params.values_mut().for_each(ParamsDraft::forget_sent);
         self.missions.values_mut().for_each(MissionDraft::replaced);
+        self.examples.values_mut().for_each(Example::forget_sent);
+        self.fields.values_mut().for_each(FieldsDraft::forget_sent);
         self
     }
 }

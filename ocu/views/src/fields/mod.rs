@@ -8,10 +8,11 @@ mod decoded;
 mod flash;
 mod rows;
 
-use crate::edit::{Edits, overrides, refusal, text_of};
+use crate::edit::draft::Draft;
+use crate::edit::{overrides, refusal, text_of};
 use crate::origin::Origin;
 use crate::prepare::{Same, prepared};
-use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, rate_hz};
+use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, rate_hz, run_beside};
 use array::{ArrayForm, Form};
 use decoded::Decoded;
 use egui::text::LayoutJob;
@@ -36,7 +37,7 @@ pub(crate) const MOST_BYTES: usize = 64 << 20;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-struct Saved {
+pub(crate) struct Saved {
     /// The topic to show; `None` to follow the selection.
     pinned: Option<TopicKey>,
     /// What names of fields must hold to be shown.
@@ -50,9 +51,10 @@ struct Saved {
 /// The fields view.
 #[derive(Default)]
 pub(crate) struct Fields {
-    saved: Saved,
+    pub(crate) saved: Saved,
     last: Option<TopicKey>,
-    edits: Edits,
+    /// Path of the field whose editing began here in the last pass.
+    fresh: Option<String>,
     origin: Origin,
     flashes: Flashes,
 }
@@ -134,7 +136,12 @@ impl Fields {
     fn decoded_ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, decoded: &Arc<Decoded>) {
         let key = TopicKey::of(topic);
         self.origin.ui(ui, cx);
-        self.edits.ui(ui, cx, topic);
+        let edited = (key.clone(), run_beside(cx.frame));
+        let mut draft = cx.selection.drafts.fields.remove(&edited).unwrap_or_default();
+        let fresh = self.fresh.take();
+        if !draft.is_empty() {
+            draft.ui(ui, cx, topic, fresh.as_deref());
+        }
         // What is found and what is painted belongs to this view and topic.
         let slot = ui.scope_id().with((&*topic.name, topic.run));
         let mut area = ui.available_rect_before_wrap();
@@ -151,8 +158,11 @@ impl Fields {
         let mut child = ui.new_child(egui::UiBuilder::new().max_rect(area).id_salt("tree"));
         child.set_clip_rect(area.intersect(ui.clip_rect()));
         self.flashes.begin(&key.name, decoded.log_time);
-        let parts = (&mut self.edits, &mut self.origin, &mut self.flashes);
+        let parts = (&mut draft, &mut self.fresh, &mut self.origin, &mut self.flashes);
         tree(&mut child, cx, &mut self.saved, slot, decoded, topic, &key, parts);
+        if !draft.is_empty() {
+            cx.selection.drafts.fields.insert(edited, draft);
+        }
         ui.advance_cursor_after_rect(area);
     }
 }
@@ -277,7 +287,7 @@ fn tree(
     decoded: &Arc<Decoded>,
     topic: &Topic,
     key: &TopicKey,
-    (edits, origin, flashes): (&mut Edits, &mut Origin, &mut Flashes),
+    (draft, fresh, origin, flashes): (&mut Draft, &mut Option<String>, &mut Origin, &mut Flashes),
 ) {
     let value = &decoded.value;
     let search = saved.search.trim().to_lowercase();
@@ -310,16 +320,16 @@ fn tree(
             let held = overrides(cx.frame).iter().any(|held| {
                 *held.buffer == *topic.name && !topic.run.is_recorded() && held.path == row.path.to_string()
             });
-            let mark = match (held, edits.has(key, &row.path.to_string())) {
+            let mark = match (held, draft.has(&row.path.to_string())) {
                 (true, _) => Some("held by the operator"),
                 (false, true) => Some("edited"),
                 (false, false) => None,
             };
-            let fresh = match row.open {
+            let flash = match row.open {
                 Some(true) => 0.0,
                 _ => flashes.of(&row.key, &row.text, ui.input(|input| input.time)),
             };
-            let response = paint_row(ui, row, name_width, mark, fresh);
+            let response = paint_row(ui, row, name_width, mark, flash);
             if response.clicked() && row.open.is_some() && !saved.open.remove(&row.key) {
                 saved.open.insert(row.key.clone());
             }
@@ -329,14 +339,14 @@ fn tree(
             if let Some(leaf) = leaf.as_ref().filter(|_| response.double_clicked())
                 && refusal(cx.frame, topic).is_none()
             {
-                edits.begin(key, &row.path, leaf);
+                *fresh = draft.begin(&row.path, leaf);
             }
             response.context_menu(|ui| {
                 let refused = refusal(cx.frame, topic);
                 let edit = ui.add_enabled(leaf.is_some() && refused.is_none(), egui::Button::new("Edit…"));
                 if edit.on_disabled_hover_text(refused.unwrap_or("Open it to edit its parts.")).clicked() {
                     if let Some(leaf) = &leaf {
-                        edits.begin(key, &row.path, leaf);
+                        *fresh = draft.begin(&row.path, leaf);
                     }
                     ui.close();
                 }
@@ -373,7 +383,7 @@ fn tree(
     });
 }
 
-fn paint_row(ui: &mut Ui, row: &Row, name_width: f32, mark: Option<&str>, fresh: f32) -> egui::Response {
+fn paint_row(ui: &mut Ui, row: &Row, name_width: f32, mark: Option<&str>, flash: f32) -> egui::Response {
     let tokens = tokens(ui);
     let (rect, response) =
         ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click_and_drag());
@@ -397,8 +407,8 @@ fn paint_row(ui: &mut Ui, row: &Row, name_width: f32, mark: Option<&str>, fresh:
         Rect::from_min_max(Pos2::new(left + INDENT, rect.top()), Pos2::new(middle - 8.0, rect.bottom()));
     let value =
         Rect::from_min_max(Pos2::new(middle, rect.top()), Pos2::new(rect.right() - 8.0, rect.bottom()));
-    if fresh > 0.0 {
-        ui.painter().rect_filled(value, 2.0, tokens.accent.gamma_multiply(0.35 * fresh));
+    if flash > 0.0 {
+        ui.painter().rect_filled(value, 2.0, tokens.accent.gamma_multiply(0.35 * flash));
         ui.ctx().request_repaint_after(std::time::Duration::from_millis(50));
     }
     let weak = row.name.starts_with('[');

@@ -9,6 +9,7 @@ mod cell;
 mod cloud;
 pub(crate) mod draft;
 mod entities;
+pub(crate) mod example;
 mod for_camera;
 mod for_scene;
 mod goals;
@@ -118,8 +119,8 @@ pub(crate) struct Map {
     draft: Option<draft::Draft>,
     /// Whether a point of it is being dragged on this map.
     drags: bool,
-    /// An example for learning that is being drawn.
-    example: Option<training::Example>,
+    /// An example for learning that is being drawn, as the mission.
+    example: Option<example::Example>,
     /// The place of the legend in the previous pass.
     legend: Option<Rect>,
     /// The place whose cell stays in the read-out, in the map's frame.
@@ -186,6 +187,7 @@ impl View for Map {
             return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", &hint);
         };
         self.look_in(map);
+        self.take_example(cx, map);
         self.take_draft(cx, map);
         self.fused = layers.iter().any(Layer::is_map);
         self.follow_preview(cx.selection.preview.get());
@@ -206,15 +208,16 @@ impl View for Map {
         }
         self.canvas(ui, cx, map, &layers, canvas, panel_width > 0.0);
         self.give_draft_back(cx, map);
+        self.give_example_back(cx, map);
         ui.advance_cursor_after_rect(area);
     }
 }
 
 impl Map {
-    /// Takes over the frame of the map. What was outlined and measured has positions in the frame before, and is dropped.
+    /// Takes over the frame of the map. What was measured has positions in the frame before, and is dropped.
     fn look_in(&mut self, map: &str) {
         if self.frame_id != map && !self.frame_id.is_empty() {
-            (self.example, self.measured, self.kept, self.around) = (None, None, None, None);
+            (self.measured, self.kept, self.around) = (None, None, None);
         }
         map.clone_into(&mut self.frame_id);
     }

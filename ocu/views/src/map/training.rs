@@ -1,6 +1,6 @@
 //! Examples for processes that learn: a person draws around something on the map and says what it is.
 
-use super::draft::corner;
+use super::example::Example;
 use super::grid::frame_of;
 use super::mission::{hatch, paint_corners};
 use super::plan::At;
@@ -9,59 +9,12 @@ use crate::operator::Inputs;
 use crate::view::ViewContext;
 use egui::{Align2, Pos2, Rect, Response, RichText, Shape, Stroke, Ui, Vec2};
 use ocu_ui::{icons, legend, tokens};
-use rcs_geom::{DVec3, Pose};
 use rcs_msg::AnyMessage;
-use rcs_msg::rcs::{ExampleKind, PlanePoint, PlanePolygon, TrainingExample};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Control, Frame};
 
 /// Distance from the first corner at which a click closes the outline, screen points.
 const NEAR: f32 = 10.0;
-
-/// An example that has not been sent, in the frame of the map.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Example {
-    /// Whether it is ground; else it is an obstacle.
-    is_ground: bool,
-    /// Corners of the outline while it is open.
-    corners: Vec<[f64; 2]>,
-    /// The closed outline.
-    outline: Vec<[f64; 2]>,
-    /// Examples that were sent since the drawing began.
-    sent: usize,
-}
-
-impl Example {
-    fn click(&mut self, at: [f64; 2], reach_m: f64) {
-        self.outline.clear();
-        if let Some(outline) = corner(&mut self.corners, at, reach_m) {
-            self.outline = outline;
-        }
-    }
-
-    /// Takes the last click back.
-    fn undo(&mut self) {
-        if self.outline.is_empty() {
-            self.corners.pop();
-        } else {
-            self.corners = std::mem::take(&mut self.outline);
-        }
-    }
-
-    fn message(&self, frame: &Frame, target: &str, target_from_map: &Pose) -> TrainingExample {
-        let point = |at: &[f64; 2]| {
-            let p = *target_from_map * DVec3::new(at[0], at[1], 0.0);
-            PlanePoint { x_m: p.x, y_m: p.y }
-        };
-        let kind = if self.is_ground { ExampleKind::ExampleGround } else { ExampleKind::ExampleObstacle };
-        TrainingExample {
-            timestamp: Some(frame.now.to_proto()),
-            frame_id: target.to_owned(),
-            kind: kind.into(),
-            outline: Some(PlanePolygon { points: self.outline.iter().map(point).collect() }),
-        }
-    }
-}
 
 /// The frame in which the processes that read examples state what they learn; that of the map while they state nothing.
 fn learned_in<'a>(frame: &'a Frame, map: &'a str, buffer: &str) -> &'a str {
@@ -75,6 +28,20 @@ fn learned_in<'a>(frame: &'a Frame, map: &'a str, buffer: &str) -> &'a str {
 }
 
 impl Map {
+    /// Takes the example that the maps of the source share in this frame for the pass. While something is measured here,
+    /// clicks are not for it.
+    pub(super) fn take_example(&mut self, cx: &mut ViewContext<'_>, map: &str) {
+        let is_drawn = Inputs::of(cx.frame).training.is_some() && !self.measuring;
+        self.example = if is_drawn { cx.selection.drafts.examples.remove(map) } else { None };
+    }
+
+    /// Ends what [`Self::take_example`] began. One that was not taken stays.
+    pub(super) fn give_example_back(&mut self, cx: &mut ViewContext<'_>, map: &str) {
+        if let Some(example) = self.example.take() {
+            cx.selection.drafts.examples.entry(map.to_owned()).or_insert(example);
+        }
+    }
+
     /// Opens an example, or throws it away.
     pub(super) fn toggle_example(&mut self) {
         self.example = if self.example.is_some() { None } else { Some(Example::default()) };
@@ -90,10 +57,7 @@ impl Map {
         response: &Response,
         at: At,
     ) {
-        let Some(buffer) = Inputs::of(cx.frame).training else {
-            self.example = None;
-            return;
-        };
+        let Some(buffer) = Inputs::of(cx.frame).training else { return };
         let Some(example) = &mut self.example else { return };
         if let Some(pos) = response.interact_pointer_pos().filter(|_| response.clicked()) {
             example.click(at.viewport.to_plane(at.canvas, pos), f64::from(NEAR) / at.viewport.scale);
@@ -156,29 +120,5 @@ impl Map {
         if close {
             self.example = None;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_corner_closes_the_outline_and_another_click_begins_anew() {
-        let mut example = Example::default();
-        for at in [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]] {
-            example.click(at, 0.5);
-        }
-        example.undo();
-        example.click([0.1, 0.1], 0.5);
-        assert_eq!((example.corners.len(), example.outline.len()), (2, 0), "two corners are no outline");
-        example.click([4.0, 3.0], 0.5);
-        example.click([0.1, 0.1], 0.5);
-        assert_eq!((example.corners.len(), example.outline.len()), (0, 3));
-        example.undo();
-        assert_eq!((example.corners.len(), example.outline.len()), (3, 0), "the outline is open again");
-        example.click([0.1, 0.1], 0.5);
-        example.click([9.0, 9.0], 0.5);
-        assert_eq!((example.corners.len(), example.outline.len()), (1, 0));
     }
 }

@@ -1,11 +1,12 @@
-//! Editing the fields of several buffers, and who wrote them.
+//! Editing the fields of several buffers, in several views, and who wrote them.
 
 use super::{Shown, harness};
 use crate::samples::{self, NOW};
 use crate::view::{RunChoice, TopicKey};
+use crate::views::view_type;
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use rcs_formula::{FieldRef, Points};
 use rcs_runtime::source::{Control, FieldSeries, Frame, RunTag, SourceInfo, SourceKind, series_of};
 use std::sync::Arc;
@@ -53,6 +54,33 @@ fn changes_that_were_not_written_are_shown_with_their_buffer_only_and_come_back_
     let controls = &harness.state().controls;
     let [Control::Write { buffer, .. }] = controls.as_slice() else { panic!("{controls:?}") };
     assert_eq!(buffer, "/planner/status");
+}
+
+#[test]
+fn changes_and_undo_are_there_again_after_another_layout_in_each_view_of_their_buffer() {
+    let mut harness = fields(samples::full(), TopicKey::shown("/planner/status"));
+    harness.state_mut().selection.process = Some("planner".into());
+    let open = |harness: &mut Harness<'_, Shown>, kind: &str| {
+        harness.state_mut().view = (view_type(kind).unwrap().make)();
+        harness.run();
+    };
+    choose(&mut harness, "cycle 321", "Edit…");
+    for (kind, is_shown) in [("timing", false), ("fields", true), ("details", true)] {
+        open(&mut harness, kind);
+        assert_eq!(harness.query_by_label("New value of .cycle").is_some(), is_shown, "{kind}");
+    }
+    harness.get_by_label("Write now").click();
+    harness.run();
+    open(&mut harness, "fields");
+    let can_undo =
+        |harness: &Harness<'_, Shown>| !harness.get_by_label_contains("Undo").accesskit_node().is_disabled();
+    assert!(can_undo(&harness));
+    choose(&mut harness, "echo_serial 3", "Edit…");
+    // A run that begins again has none of what was written.
+    let drafts = std::mem::take(&mut harness.state_mut().selection.drafts);
+    harness.state_mut().selection.drafts = drafts.after_restart();
+    harness.run();
+    assert!(harness.query_by_label("New value of .echo_serial").is_some() && !can_undo(&harness));
 }
 
 #[test]

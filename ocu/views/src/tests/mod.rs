@@ -3,6 +3,7 @@
 mod access;
 mod behaviour;
 mod compares;
+mod conditions;
 mod edits;
 mod hostile;
 mod log_lines;

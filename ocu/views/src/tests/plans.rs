@@ -440,6 +440,36 @@ fn an_obstacle_is_drawn_and_sent_to_the_processes_that_learn() {
 }
 
 #[test]
+fn an_outline_that_was_not_sent_is_there_again_after_another_layout_and_in_its_frame() {
+    let mut tree = TransformTree::new();
+    tree.set_static("local", "odom", Pose::IDENTITY).unwrap();
+    let frame = Frame { transforms: Arc::new(tree), ..samples::driving() };
+    let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+    let look_in = |map: &mut Harness<'static, Shown>, frame_id: &str| {
+        map.state_mut().view.load(&serde_json::json!({ "frame": frame_id })).unwrap();
+        map.run();
+    };
+    look_in(&mut map, "local");
+    let middle = map.get_by_label("Map").rect().center();
+    map.get_by_label_contains("Draw an obstacle or ground").click();
+    map.run();
+    click(&mut map, middle + Vec2::new(-60.0, 120.0), egui::PointerButton::Primary);
+    let drawn = "click on the first corner to close the outline";
+    assert!(map.query_by_label_contains(drawn).is_some());
+    for kind in ["timing", "map"] {
+        map.state_mut().view = (view_type(kind).unwrap().make)();
+        map.run();
+    }
+    for (frame_id, is_drawn) in [("odom", false), ("local", true)] {
+        look_in(&mut map, frame_id);
+        assert_eq!(map.query_by_label_contains(drawn).is_some(), is_drawn, "{frame_id}");
+    }
+    map.get_by_label_contains("Draw an obstacle or ground").click();
+    map.run();
+    assert!(map.query_by_label_contains(drawn).is_none(), "it was closed");
+}
+
+#[test]
 fn an_old_plan_and_old_arcs_look_old_and_tell_their_age() {
     let at = |seconds: u64| {
         let mut frame = samples::driving();

@@ -9,6 +9,12 @@ use std::collections::BTreeSet;
 fn other_state(kind: &str) -> SavedState {
     let key = |name: &str| json!({ "name": name, "run": "recorded" });
     let viewport = |y_up: bool| json!({ "center": [1.5, -2.0], "scale": 20.0, "y_up": y_up });
+    let fields = json!({
+        "pinned": key("/wm1/map"),
+        "search": "cost",
+        "open": [".fields", ".pose"],
+        "array": { "path": ".data", "form": { "picture": { "width": 40 } } },
+    });
     match kind {
         "camera" => json!({
             "topic": key("/camera/image"),
@@ -47,12 +53,7 @@ fn other_state(kind: &str) -> SavedState {
             "sort": "rate",
             "descending": true,
         }),
-        "fields" => json!({
-            "pinned": key("/wm1/map"),
-            "search": "cost",
-            "open": [".fields", ".pose"],
-            "array": { "path": ".data", "form": { "picture": { "width": 40 } } },
-        }),
+        "fields" => fields,
         "hierarchy" => json!({ "viewport": viewport(false), "peers": false }),
         "ladder" => json!({ "span": "Minute" }),
         "tuning" => json!({ "process": "wm1", "search": "weight", "at_once": true }),
@@ -63,6 +64,7 @@ fn other_state(kind: &str) -> SavedState {
             "commands": { "planner": "GOTO" },
             "on_each_change": true,
             "buffers": { "planner": "/planner/path" },
+            "fields": fields,
         }),
         "conditions" => json!({ "conditions": [{ "formula": "/wm1/status.faults > 0", "stops": true }] }),
         "plot" => json!({

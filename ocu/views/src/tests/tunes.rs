@@ -8,7 +8,8 @@ use egui::accesskit::Role;
 use egui::{Event, Key, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use rcs_msg::rcs::{CommandInfo, SpeedLimit};
+use rcs_msg::prost::Message as _;
+use rcs_msg::rcs::{Command, CommandInfo, SpeedLimit};
 use rcs_msg::{AnyMessage, schema_of};
 use rcs_runtime::source::Control;
 
@@ -172,6 +173,32 @@ fn a_command_that_goes_out_on_each_change_does_not_go_out_without_one() {
         press(&mut harness, Key::Tab);
         assert_eq!(harness.state().controls.len(), 1, "the same number is sent once");
     }
+}
+
+#[test]
+fn parameters_of_a_command_are_there_again_after_another_layout_and_do_not_go_out_again_by_themselves() {
+    let saved = serde_json::json!({ "on_each_change": true });
+    let mut harness = shown("details", &saved, 1.0);
+    type_speed(&mut harness, "2.5");
+    for kind in ["timing", "details"] {
+        let mut view = (view_type(kind).unwrap().make)();
+        view.load(&saved).unwrap();
+        harness.state_mut().view = view;
+        harness.run();
+    }
+    type_speed(&mut harness, "2.5");
+    assert_eq!(harness.state().controls.len(), 1, "nothing was changed");
+    harness.get_by_label_contains("Send LIMIT").click();
+    harness.run();
+    let speed = |control: &Control| match control {
+        Control::Write { message, .. } => {
+            let command = message.to::<Command>().unwrap();
+            SpeedLimit::decode(command.parameters).unwrap().max_speed_mps
+        }
+        other => panic!("{other:?}"),
+    };
+    let sent: Vec<f64> = harness.state().controls.iter().map(speed).collect();
+    assert_eq!(sent, [2.5, 2.5]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ mod controls;
 pub(crate) mod draft;
 
 use crate::command::refusal;
-use crate::view::{Preview, SavedState, View, ViewContext, Wish};
+use crate::view::{Preview, SavedState, View, ViewContext, Wish, run_beside};
 use controls::Row;
 use draft::Draft;
 use egui::{RichText, Role, ScrollArea, Ui, WidgetInfo};
@@ -70,7 +70,7 @@ impl View for Tuning {
             let text = format!("The parameters of {} cannot be read", info.name);
             return widgets::empty(ui, icons::ICON_ERROR, &text, &info.params_schema);
         };
-        let key = (info.name.clone(), cx.frame.is_beside.then(|| cx.frame.runs.current()));
+        let key = (info.name.clone(), run_beside(cx.frame));
         let mut draft = cx.selection.drafts.params.remove(&key).unwrap_or_default();
         draft.follow(&in_force, &now);
         if let Some(status) = cx.frame.status(info) {

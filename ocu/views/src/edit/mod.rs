@@ -1,24 +1,24 @@
 //! Editing the fields of a buffer as its operator: written at once as one message, in the next message of its process,
 //! or held until released.
 //!
-//! Changes that were not sent belong to their buffer: they are shown with its fields only, and come back with them.
+//! Changes that were not sent belong to their buffer: they are shown with its fields only, and come back with them, in
+//! every view and after a change of the layout ([`crate::view::Drafts`]).
 //!
 //! What cannot be is refused before it is sent, with the reason; the runtime checks type and range again, and its refusal
 //! is shown as the source's error.
 
-use crate::view::{TopicKey, ViewContext};
+pub(crate) mod draft;
+
+use crate::view::ViewContext;
+use draft::{Draft, Sent};
 use egui::{RichText, TextEdit, Ui};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::rcs::r#override::Mode;
-use rcs_msg::rcs::{Fault, Override, OverrideInForce, OverrideList, ProcessInfo};
+use rcs_msg::rcs::{Fault, Override, OverrideInForce, OverrideList};
 use rcs_msg::{AnyMessage, FieldPath, Value};
 use rcs_runtime::source::{Control, Frame, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Number of writes to a buffer that can be taken back. Each keeps two messages, and there are as many as a person has
-/// made by hand.
-const MOST_UNDO: usize = 50;
 
 /// How the changes take effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,33 +29,6 @@ pub(crate) enum How {
     Next,
     /// In every message, until released.
     Hold,
-}
-
-/// Something that was sent, and how it is taken back.
-#[derive(Clone, Debug)]
-enum Sent {
-    /// The message that was written, and the one that it replaced.
-    Message { buffer: String, written: AnyMessage, before: AnyMessage },
-    /// The fields that are overridden.
-    Held { buffer: String, paths: Vec<String> },
-}
-
-/// The changes of one buffer that were not sent, and those that were.
-#[derive(Default)]
-struct Changes {
-    /// Path and text of each changed field.
-    fields: BTreeMap<String, String>,
-    fresh: Option<String>,
-    refused: Option<String>,
-    sent: Vec<Sent>,
-}
-
-/// The changes of each buffer of a source.
-#[derive(Default)]
-pub(crate) struct Edits {
-    buffers: BTreeMap<TopicKey, Changes>,
-    /// The processes of the source of the buffers: another source has others.
-    processes: Option<Arc<[ProcessInfo]>>,
 }
 
 /// Why a topic cannot be edited; `None` if it can.
@@ -226,42 +199,19 @@ fn controls(
     Ok((requests, Sent::Held { buffer, paths }))
 }
 
-impl Edits {
-    /// Begins to edit a field of a topic.
-    pub(crate) fn begin(&mut self, topic: &TopicKey, path: &FieldPath, value: &Value) {
-        let Some(text) = text_of(value) else { return };
-        let changes = self.buffers.entry(topic.clone()).or_default();
+impl Draft {
+    /// Begins to edit a field; one that is being edited keeps its text. Returns its path; `None` for a value that cannot
+    /// be edited as a whole.
+    pub(crate) fn begin(&mut self, path: &FieldPath, value: &Value) -> Option<String> {
+        let text = text_of(value)?;
         let path = path.to_string();
-        changes.fresh = Some(path.clone());
-        changes.refused = None;
-        changes.fields.entry(path).or_insert(text);
+        self.refused = None;
+        self.fields.entry(path.clone()).or_insert(text);
+        Some(path)
     }
 
-    /// Whether a field is being edited.
-    pub(crate) fn has(&self, topic: &TopicKey, path: &str) -> bool {
-        self.buffers.get(topic).is_some_and(|changes| changes.fields.contains_key(path))
-    }
-
-    /// Paints the changes of the shown topic, and what can be done with them.
-    pub(crate) fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic) {
-        let processes = &cx.frame.processes;
-        if !self.processes.as_ref().is_some_and(|known| Arc::ptr_eq(known, processes)) {
-            self.processes = Some(Arc::clone(processes));
-            self.buffers.clear();
-        }
-        if let Some(changes) = self.buffers.get_mut(&TopicKey::of(topic)) {
-            changes.ui(ui, cx, topic);
-        }
-        self.buffers.retain(|_, changes| !changes.is_empty());
-    }
-}
-
-impl Changes {
-    fn is_empty(&self) -> bool {
-        self.fields.is_empty() && self.sent.is_empty() && self.refused.is_none()
-    }
-
-    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic) {
+    /// Paints the changes, and what can be done with them. `fresh` is the path of the field that takes the keyboard.
+    pub(crate) fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, fresh: Option<&str>) {
         let frame = cx.frame;
         let margin = egui::Margin::symmetric(8, 4);
         egui::Frame::new().inner_margin(margin).fill(tokens(ui).surface[3]).show(ui, |ui| {
@@ -279,9 +229,8 @@ impl Changes {
                     ui.ctx().accesskit_node_builder(response.id, |node| {
                         node.set_label(format!("New value of {path}"));
                     });
-                    if self.fresh.as_ref() == Some(path) {
+                    if fresh == Some(path.as_str()) {
                         response.request_focus();
-                        self.fresh = None;
                     }
                     entered |= response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
                     if widgets::icon_button(ui, icons::ICON_CLOSE, &format!("Leave {path} as it is"))
@@ -316,11 +265,7 @@ impl Changes {
                 match controls(frame, topic, &self.fields, how) {
                     Ok((controls, sent)) => {
                         cx.controls.extend(controls);
-                        self.sent.push(sent);
-                        let surplus = self.sent.len().saturating_sub(MOST_UNDO);
-                        self.sent.drain(..surplus);
-                        self.fields.clear();
-                        self.refused = None;
+                        self.sent(sent);
                     }
                     Err(refused) => self.refused = Some(refused),
                 }
@@ -437,7 +382,7 @@ mod tests {
             let others = before.topics.iter().filter(|other| other.name != topic.name).cloned();
             let topics = others.chain([newest]).collect();
             let frame = Frame { topics, ..before.clone() };
-            let mut changes = Changes { sent: vec![sent.clone()], ..Changes::default() };
+            let mut changes = Draft { sent: vec![sent.clone()], ..Draft::default() };
             let (mut controls, mut wishes) = (Vec::new(), Vec::new());
             let mut selection = crate::view::Selection::default();
             changes.undo(&mut ViewContext {

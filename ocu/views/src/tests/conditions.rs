@@ -1,0 +1,30 @@
+//! Conditions that a person writes.
+
+use super::{Shown, harness};
+use crate::samples;
+use crate::views::view_type;
+use egui::{Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+
+#[test]
+fn a_condition_that_was_not_added_is_there_again_after_another_layout() {
+    let formula = "/planner/status.faults > 0";
+    let shown = Shown::new("conditions", samples::full());
+    let mut harness = harness(shown, Vec2::new(600.0, 300.0), Theme::Dark);
+    harness.run();
+    harness.get_by_label("New condition").click();
+    harness.run();
+    harness.get_by_label("New condition").type_text(formula);
+    harness.run();
+    for kind in ["timing", "conditions"] {
+        harness.state_mut().view = (view_type(kind).unwrap().make)();
+        harness.run();
+    }
+    let written = |harness: &Harness<'_, Shown>| harness.get_by_label("New condition").value();
+    assert_eq!(written(&harness).as_deref(), Some(formula));
+    harness.get_by_label("Add").click();
+    harness.run();
+    assert_eq!(written(&harness).unwrap_or_default(), "");
+    assert_eq!(harness.state().view.save()["conditions"][0]["formula"], formula);
+}
