@@ -24,7 +24,7 @@ mod judged;
 
 use bundled::Repository;
 use judged::{TRUTH, ablated, replayed, simulated};
-use rcs_eval::obstacles::{FUSED, Report};
+use rcs_eval::obstacles::{FUSED, Layer, Report};
 use rcs_log::Log;
 use rcs_runtime::{Assets, Plan, PlanOptions, StackFile};
 use rcs_world::Source;
@@ -59,9 +59,7 @@ fn main() {
             ablated(&stack, drive, seed, seconds, &params, &ABLATED)
         });
     }
-    println!(
-        "| drive | layer | 3 m: free called blocked, % | blocked called free, % | 5 m | | late things |"
-    );
+    println!("| drive | layer | 3 m: free called blocked, % | blocked called free, % | 5 m | | things |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");
     for drive in &drives {
         let report = if Path::new(drive).exists() {
@@ -85,9 +83,21 @@ const ABLATED: [Source; 5] =
 const MARKS: [&str; 2] =
     ["<!-- written by the example arcs: begin -->", "<!-- written by the example arcs: end -->"];
 
+fn figure(pct: Option<f64>) -> String {
+    pct.map_or("–".to_owned(), |pct| format!("{pct:.1}"))
+}
+
+/// What one layer says of things: late ones of all in the way; percent of the poses that sighted a thing from which it
+/// blocks the way to it, by distance; missed ones of all that were sighted in the nearest band.
+fn things(report: &Report, layer: &Layer) -> String {
+    let shares: Vec<String> = layer.bands.iter().map(|band| figure(band.blocking_pct)).collect();
+    let sighted = layer.bands.first().map_or(0, |band| band.things);
+    let (late, missed) = (layer.late_things, layer.missed_things);
+    format!("{late} of {} \u{b7} {} \u{b7} {missed} of {sighted}", report.things.len(), shares.join(" / "))
+}
+
 /// Shares of one layer at 3 m and 5 m: truly free arcs called blocked, truly blocked arcs called free.
 fn shares(report: &Report, layer: &str) -> String {
-    let figure = |pct: Option<f64>| pct.map_or("–".to_owned(), |pct| format!("{pct:.1}"));
     let at = |length_m: f64| report.shares(layer, length_m).unwrap();
     let free = [3.0, 5.0].map(|length_m| figure(at(length_m).free_called_blocked_pct));
     let blocked = [3.0, 5.0].map(|length_m| figure(at(length_m).blocked_called_free_pct));
@@ -101,13 +111,12 @@ fn write_tables(file: &Path, drives: &[String], drive: impl Fn(&str, u64) -> (Re
         for seed in [0, 1] {
             let (report, without) = drive(course, seed);
             let [arcs_3_m, _] = [0, 1].map(|i| report.arcs.get(i).copied().unwrap_or_default());
-            let late = report.layers.first().map_or(0, |layer| layer.late_things);
+            let things = report.layers.first().map(|layer| things(&report, layer)).unwrap_or_default();
             let mut line = format!(
-                "| {course} | {seed} | {} | {} | {} | {late} of {} | {} |",
+                "| {course} | {seed} | {} | {} | {} | {things} | {} |",
                 arcs_3_m.free,
                 arcs_3_m.blocked,
                 shares(&report, FUSED),
-                report.things.len(),
                 shares(&report, "stereo"),
             );
             for report in &without {
@@ -131,7 +140,7 @@ fn with_line(text: &str, key: &str, line: &str) -> String {
     lines.sort_unstable();
     let names: Vec<String> = ABLATED.iter().map(|source| format!(" without {source} |")).collect();
     let head = format!(
-        "| course | seed | free arcs | blocked arcs | fused | late things | stereo alone |{}",
+        "| course | seed | free arcs | blocked arcs | fused | things | stereo alone |{}",
         names.concat()
     );
     let rule = format!("|{}", " --- |".repeat(7 + ABLATED.len()));
@@ -142,11 +151,10 @@ fn print(name: &str, report: &Report) {
     for layer in &report.layers {
         let mut shares = String::new();
         for (counts, arcs) in report.arcs.iter().zip(&layer.arcs) {
-            let figure = |pct: Option<f64>| pct.map_or("-".to_owned(), |pct| format!("{pct:.1}"));
             let [free, blocked] = [arcs.free_called_blocked_pct, arcs.blocked_called_free_pct].map(figure);
             write!(shares, " {free} of {} | {blocked} of {} |", counts.free, counts.blocked).unwrap();
         }
-        println!("| {name} | {} |{shares} {} of {} |", layer.name, layer.late_things, report.things.len());
+        println!("| {name} | {} |{shares} {} |", layer.name, things(report, layer));
     }
 }
 

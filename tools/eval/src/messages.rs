@@ -11,8 +11,8 @@ pub(crate) fn each_whole(
     mut take: impl FnMut(TopicId, &AnyMessage, Stamp) -> Result<(), EvalError>,
 ) -> Result<(), EvalError> {
     let mut reassembly = Reassembly::new(log);
-    let deltas = topics.iter().filter_map(|&topic| reassembly.deltas_of(topic));
-    let wanted = topics.iter().copied().chain(deltas).collect();
+    let deltas = topics.iter().flat_map(|&topic| reassembly.deltas_of(topic));
+    let wanted = topics.iter().chain(deltas).copied().collect();
     for stored in log.cursor(CursorOptions { topics: Some(wanted), ..CursorOptions::default() }) {
         let stored = stored?;
         let (topic, message) = if reassembly.takes(stored.topic) {

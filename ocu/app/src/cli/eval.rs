@@ -189,7 +189,11 @@ pub struct EvalPlanArgs {
                         judged on the same arcs; what it does not know blocks nothing.\n\n\
                         A thing is in the way while it is the first true thing on an arc. It is late if it was in the \
                         way from at least 2 m, came nearer, and did not block an arc at 2 m or more. Long things are \
-                        counted in parts of about 1.5 m."
+                        counted in parts of about 1.5 m.\n\n\
+                        A thing is sighted from each pose 2 m to 5 m before it at which it is in the way, within 50 \
+                        degrees of straight ahead, not hidden from an eye 0.95 m above the front, and has been so over \
+                        the last 0.5 m. The report says, by distance, from how many of these poses it blocks the arc. \
+                        It is missed if it was sighted from less than 3 m, and does not block from the nearest pose."
 )]
 pub struct EvalObstaclesArgs {
     /// Recording with maps, the true map and the true pose of the vehicle; of one that was split, the folder or

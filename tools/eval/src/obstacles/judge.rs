@@ -2,7 +2,8 @@
 
 use super::Settings;
 use super::arc::{Arc, Covered, Sweep, covered};
-use super::report::{ArcCounts, FirstBlock, Layer, Report, Shares, ThingReport};
+use super::report::{ArcCounts, FirstBlock, Layer, Report, Shares, ThingReport, bands, pct};
+use super::sightings::{Eye, Sighting, Sightings};
 use super::truth::Truth;
 use crate::EvalError;
 use rcs_geom::Pose;
@@ -36,6 +37,7 @@ pub struct Judge {
     /// Names of the layers in the order in which they came.
     order: Vec<String>,
     things: BTreeMap<u32, Met>,
+    sightings: Sightings,
 }
 
 /// Arcs of one length that a layer blocks.
@@ -55,10 +57,19 @@ struct Met {
 
 /// What the truth says about one arc.
 struct TrueArc {
-    /// The first blocked cell under the vehicle's width: distance and thing.
-    first: Option<(f64, u32)>,
+    /// The first blocked cell under the vehicle's width.
+    first: Option<Hit>,
     /// Distance of the first blocked cell within the tolerance.
     near_m: f64,
+}
+
+/// A blocked cell of the true map on an arc.
+#[derive(Clone, Copy)]
+struct Hit {
+    along_m: f64,
+    thing: u32,
+    /// Index of the cell, by rows.
+    cell: usize,
 }
 
 impl Judge {
@@ -80,6 +91,7 @@ impl Judge {
             layers: BTreeMap::new(),
             order: Vec::new(),
             things: BTreeMap::new(),
+            sightings: Sightings::default(),
         }
     }
 
@@ -130,13 +142,21 @@ impl Judge {
             .iter()
             .map(|cells| TrueArc::new(cells, &truth.thing))
             .collect();
+        let (eye, front_m) = (Eye::new(&true_pose, &self.settings), self.settings.front_m);
+        let in_view = true_arcs.iter().enumerate().filter_map(|(arc, true_arc)| {
+            let hit = true_arc.first.filter(|hit| eye.sees(truth, &true_view, hit.cell))?;
+            Some(Sighting { arc, thing: hit.thing, distance_m: hit.along_m - front_m })
+        });
+        let sightings = self.sightings.take(self.driven_m, in_view);
         let cells = covered(view, &pose, &self.arcs, &sweep);
         let fused: Vec<f64> = view.field("cost").map_err(refused)?.values().collect();
         let decided = self.count(&true_arcs, &cells, &fused);
         self.judge_layer(FUSED, &fused, &true_arcs, &cells, &decided, time_s);
+        self.judge_sightings(FUSED, &fused, &cells, &sightings);
         for source in view.sources().iter() {
             let costs: Vec<f64> = view.field(&format!("cost.{source}")).map_err(refused)?.values().collect();
             self.judge_layer(source.name(), &costs, &true_arcs, &cells, &decided, time_s);
+            self.judge_sightings(source.name(), &costs, &cells, &sightings);
         }
         Ok(())
     }
@@ -200,7 +220,9 @@ impl Judge {
         }
         let longest = lengths_m.iter().copied().fold(0.0, f64::max);
         for (truth, cells) in truth.iter().zip(cells) {
-            let Some((along_m, thing)) = truth.first.filter(|_| truth.is_blocked(front_m + longest)) else {
+            let Some(Hit { along_m, thing, .. }) =
+                truth.first.filter(|_| truth.is_blocked(front_m + longest))
+            else {
                 continue;
             };
             let distance_m = along_m - front_m;
@@ -213,8 +235,7 @@ impl Judge {
             if met.first_blocks.iter().any(|block| block.layer == name && block.time_s < time_s) {
                 continue;
             }
-            let near = |cell: &&Covered| (cell.along_m - along_m).abs() <= SAME_THING_M;
-            if cells.iter().filter(near).any(|cell| is_obstacle(costs, cell.cell)) {
+            if blocks_at(cells, costs, along_m) {
                 // Of several arcs at one time the one on which the thing is farthest counts.
                 let known = met.first_blocks.iter_mut().find(|block| block.layer == name);
                 match known {
@@ -222,6 +243,20 @@ impl Judge {
                     None => met.first_blocks.push(FirstBlock { layer: name.to_owned(), distance_m, time_s }),
                 }
             }
+        }
+    }
+
+    /// Notes for each thing that is sighted whether a layer blocks the way to it.
+    fn judge_sightings(
+        &mut self,
+        layer: &str,
+        costs: &[f64],
+        cells: &[Vec<Covered>],
+        sightings: &[Sighting],
+    ) {
+        for sighting in sightings {
+            let along_m = self.settings.front_m + sighting.distance_m;
+            self.sightings.note(layer, sighting, blocks_at(&cells[sighting.arc], costs, along_m));
         }
     }
 
@@ -246,11 +281,11 @@ impl Judge {
                 in_the_way_m: met.in_the_way_m,
                 in_the_way_s: met.in_the_way_s,
                 first_blocks: met.first_blocks.clone(),
+                sightings: self.sightings.of(*number),
             })
         };
         let mut things: Vec<ThingReport> = self.things.iter().filter_map(thing).collect();
         things.sort_by(|a, b| a.in_the_way_s.total_cmp(&b.in_the_way_s));
-        let pct = |part: u64, of: u64| (of > 0).then(|| 100.0 * part as f64 / of as f64);
         let layer = |name: &String| Layer {
             name: name.clone(),
             arcs: self.layers[name]
@@ -265,6 +300,8 @@ impl Judge {
                 })
                 .collect(),
             late_things: things.iter().filter(|thing| thing.is_late(name)).count() as u64,
+            missed_things: things.iter().filter(|thing| thing.is_missed(name)).count() as u64,
+            bands: bands(&things, name),
         };
         Ok(Report {
             maps: self.maps,
@@ -278,19 +315,19 @@ impl Judge {
 
 impl TrueArc {
     fn new(cells: &[Covered], thing: &[Option<u32>]) -> TrueArc {
-        let (mut first, mut near_m): (Option<(f64, u32)>, f64) = (None, f64::INFINITY);
+        let (mut first, mut near_m): (Option<Hit>, f64) = (None, f64::INFINITY);
         for cell in cells {
             let Some(number) = thing[cell.cell] else { continue };
             near_m = near_m.min(cell.along_m);
-            if cell.inside && first.is_none_or(|(along_m, _)| cell.along_m < along_m) {
-                first = Some((cell.along_m, number));
+            if cell.inside && first.is_none_or(|hit| cell.along_m < hit.along_m) {
+                first = Some(Hit { along_m: cell.along_m, thing: number, cell: cell.cell });
             }
         }
         TrueArc { first, near_m }
     }
 
     fn is_blocked(&self, end_m: f64) -> bool {
-        self.first.is_some_and(|(along_m, _)| along_m <= end_m)
+        self.first.is_some_and(|hit| hit.along_m <= end_m)
     }
 }
 
@@ -327,6 +364,12 @@ impl Called {
     fn blocks(&self, truly: bool) -> bool {
         if truly { self.near } else { self.inside }
     }
+}
+
+/// Whether a layer blocks an arc because of a thing at this distance along it.
+fn blocks_at(cells: &[Covered], costs: &[f64], along_m: f64) -> bool {
+    let near = |cell: &&Covered| (cell.along_m - along_m).abs() <= SAME_THING_M;
+    cells.iter().filter(near).any(|cell| is_obstacle(costs, cell.cell))
 }
 
 fn is_obstacle(costs: &[f64], cell: usize) -> bool {

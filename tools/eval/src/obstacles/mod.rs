@@ -14,14 +14,18 @@
 //! - Each source alone is judged on the same arcs as the fused map; what it does not know blocks nothing.
 //! - A thing is in the way while it is the first true thing on an arc. It blocks the arc when an obstacle cell lies
 //!   within 0.6 m of it along the arc.
+//! - A thing in the way is sighted from a pose 2 m to 5 m before it if it is in view of the cameras and has been so over
+//!   the last 0.5 m. Whether it blocks the arc is counted for each of these poses, so that a thing that the vehicle
+//!   keeps away from is judged, too.
 
 mod arc;
 mod judge;
 mod report;
+mod sightings;
 mod truth;
 
 pub use judge::{FUSED, Judge};
-pub use report::{ArcCounts, FirstBlock, Layer, Report, Shares, ThingReport};
+pub use report::{ArcCounts, BANDS_M, Band, FirstBlock, Layer, Report, Shares, ThingReport, ThingSightings};
 
 use crate::EvalError;
 use crate::messages::each_whole;
@@ -53,6 +57,10 @@ pub struct Settings {
     pub least_known: f64,
     /// Distance driven between two judged maps, m.
     pub step_m: f64,
+    /// Angle of view of all cameras together, half of it to either side of straight ahead, rad.
+    pub view_rad: f64,
+    /// Height of the cameras above the ground, m.
+    pub eye_height_m: f64,
 }
 
 impl Default for Settings {
@@ -66,6 +74,9 @@ impl Default for Settings {
             tolerance_m: 0.2,
             least_known: 0.9,
             step_m: 0.1,
+            // Where both stereo pairs of the vehicle `lagr` have range: 59° to the right, 50° to the left.
+            view_rad: 100_f64.to_radians(),
+            eye_height_m: 0.95,
         }
     }
 }

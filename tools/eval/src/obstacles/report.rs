@@ -42,6 +42,30 @@ pub struct Layer {
     pub arcs: Vec<Shares>,
     /// Things that were in the way from at least 2 m, came nearer than that, and did not block the way at 2 m or more.
     pub late_things: u64,
+    /// Things sighted from less than 3 m, to which it did not block the way from the nearest pose at 2 m or more.
+    pub missed_things: u64,
+    /// Things that were sighted, by distance.
+    pub bands: Vec<Band>,
+}
+
+/// Bands of distance from the front of the vehicle in which sightings are counted, m.
+pub const BANDS_M: [[f64; 2]; 3] = [[IN_TIME_M, 3.0], [3.0, 4.0], [4.0, 5.0]];
+
+/// The things sighted in one band of distance, and what a layer says of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Band {
+    /// Least distance of the things, m.
+    pub from_m: f64,
+    /// Distance that all things are nearer than, m.
+    pub to_m: f64,
+    /// Things that were sighted.
+    pub things: u64,
+    /// Those to which the layer blocked the way from all of these poses.
+    pub steady_things: u64,
+    /// Poses from which a thing was sighted, once for each thing.
+    pub poses: u64,
+    /// Those from which the layer blocked the way to it, percent; `None` (null in JSON) without poses.
+    pub blocking_pct: Option<f64>,
 }
 
 /// Wrong arcs of one length; `None` (null in JSON) where no arc is truly so.
@@ -69,6 +93,43 @@ pub struct ThingReport {
     pub in_the_way_s: f64,
     /// Where and when it first blocked an arc, for each layer that ever blocked one there.
     pub first_blocks: Vec<FirstBlock>,
+    /// Whether it blocked the way at the poses from which it was sighted, for each layer; empty where it never was.
+    pub sightings: Vec<ThingSightings>,
+}
+
+/// The poses from which a thing was sighted, and what a layer said of it there.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ThingSightings {
+    /// `fused`, or the name of the source.
+    pub layer: String,
+    /// Number of poses by distance, in the order of [`BANDS_M`].
+    pub poses: [u64; 3],
+    /// Number of those from which the layer blocked the way to it.
+    pub blocking: [u64; 3],
+    /// Greatest distance of a sighting from which on the layer blocked the way to it from each nearer pose, too, m;
+    /// `None` (null in JSON) where it did not from the nearest one.
+    pub steady_from_m: Option<f64>,
+}
+
+impl ThingSightings {
+    /// Counts sightings, at least one: distance, m, and whether the layer blocked the way.
+    pub(crate) fn new(layer: &str, sightings: &[(f64, bool)]) -> ThingSightings {
+        let count = |[from_m, to_m]: [f64; 2], all: bool| {
+            let is_counted = |&&(distance_m, blocks): &&(f64, bool)| {
+                (from_m..to_m).contains(&distance_m) && (all || blocks)
+            };
+            sightings.iter().filter(is_counted).count() as u64
+        };
+        let missed = sightings.iter().filter(|(_, blocks)| !blocks);
+        let missed_m = missed.map(|&(distance_m, _)| distance_m).fold(f64::INFINITY, f64::min);
+        let distances_m = sightings.iter().map(|&(distance_m, _)| distance_m);
+        ThingSightings {
+            layer: layer.to_owned(),
+            poses: BANDS_M.map(|band| count(band, true)),
+            blocking: BANDS_M.map(|band| count(band, false)),
+            steady_from_m: distances_m.filter(|&distance_m| distance_m < missed_m).reduce(f64::max),
+        }
+    }
 }
 
 /// Where and when a thing first blocked an arc.
@@ -92,6 +153,41 @@ impl ThingReport {
         let block = self.first_blocks.iter().find(|block| block.layer == layer);
         far >= IN_TIME_M && near < IN_TIME_M && block.is_none_or(|block| block.distance_m < IN_TIME_M)
     }
+
+    /// Whether it was sighted in the nearest band, and a layer did not block the way to it from the nearest pose.
+    pub fn is_missed(&self, layer: &str) -> bool {
+        self.sightings_of(layer).is_some_and(|seen| seen.poses[0] > 0 && seen.steady_from_m.is_none())
+    }
+
+    fn sightings_of(&self, layer: &str) -> Option<&ThingSightings> {
+        self.sightings.iter().find(|seen| seen.layer == layer)
+    }
+}
+
+/// What a layer says of the things that were sighted, in the order of [`BANDS_M`].
+pub(crate) fn bands(things: &[ThingReport], layer: &str) -> Vec<Band> {
+    let band = |(place, [from_m, to_m]): (usize, [f64; 2])| {
+        let of_layer = things.iter().filter_map(|thing| thing.sightings_of(layer));
+        let seen: Vec<[u64; 2]> = of_layer
+            .map(|seen| [seen.poses[place], seen.blocking[place]])
+            .filter(|&[poses, _]| poses > 0)
+            .collect();
+        let poses: u64 = seen.iter().map(|&[poses, _]| poses).sum();
+        Band {
+            from_m,
+            to_m,
+            things: seen.len() as u64,
+            steady_things: seen.iter().filter(|[poses, blocking]| poses == blocking).count() as u64,
+            poses,
+            blocking_pct: pct(seen.iter().map(|&[_, blocking]| blocking).sum(), poses),
+        }
+    };
+    BANDS_M.into_iter().enumerate().map(band).collect()
+}
+
+/// A share in percent; `None` of nothing.
+pub(crate) fn pct(part: u64, of: u64) -> Option<f64> {
+    (of > 0).then(|| 100.0 * part as f64 / of as f64)
 }
 
 impl Report {
@@ -136,10 +232,23 @@ impl fmt::Display for Report {
             for block in &thing.first_blocks {
                 write!(out, "; {} blocks at {:.1} m, {:.1} s", block.layer, block.distance_m, block.time_s)?;
             }
-            writeln!(out, "{}", if thing.is_late("fused") { "; LATE" } else { "" })?;
+            if let Some(from_m) = thing.sightings_of("fused").and_then(|seen| seen.steady_from_m) {
+                write!(out, "; fused blocks steadily from {from_m:.1} m")?;
+            }
+            let late = if thing.is_late("fused") { "; LATE" } else { "" };
+            writeln!(out, "{late}{}", if thing.is_missed("fused") { "; MISSED" } else { "" })?;
         }
-        for layer in &self.layers {
-            writeln!(out, "  {:12} {} late (not at {IN_TIME_M} m or more)", layer.name, layer.late_things)?;
+        for Layer { name, late_things, missed_things, bands, .. } in &self.layers {
+            write!(
+                out,
+                "  {name:12} {late_things} late (not at {IN_TIME_M} m or more), {missed_things} missed"
+            )?;
+            for Band { from_m, to_m, things, steady_things, poses, blocking_pct } in bands {
+                let share = blocking_pct.map_or("-".to_owned(), |pct| format!("{pct:.1} %"));
+                write!(out, "; {from_m} to {to_m} m: {share} of {poses} poses")?;
+                write!(out, ", {steady_things} of {things} things from all")?;
+            }
+            writeln!(out)?;
         }
         Ok(())
     }

@@ -63,7 +63,7 @@ fn judged(truth: Grid, grid: &Grid, yaw_rad: f64) -> Report {
 }
 
 /// The cell of the true map at a position, m.
-fn cell(x: f64, y: f64) -> [usize; 2] {
+pub(super) fn cell(x: f64, y: f64) -> [usize; 2] {
     [x, y].map(|v| ((v + 20.0) / CELL_SIZE_M).floor() as usize)
 }
 
@@ -139,6 +139,83 @@ fn a_thing_is_late_if_it_was_in_the_way_from_far_and_blocked_only_when_near() {
         report.layers[0].late_things
     };
     assert_eq!([late(0), late(4)], [0, 1]);
+}
+
+/// Drives towards a thing to 2.61 m before it, with a map that shows it in these steps of 0.25 m. It is on the arc from
+/// the fourth step on (5.11 m) and sighted from the sixth one (4.61 m).
+fn approached(shows: std::ops::Range<usize>) -> Report {
+    let settings = Settings { lengths_m: vec![5.0], arcs: 1, ..Settings::default() };
+    let mut judge = Judge::new(&settings);
+    judge.take_truth(true_map(&[], &[cell(6.1, 0.1)])).unwrap();
+    for step in 0..14 {
+        let (pose, time) =
+            (Pose::from_xy_yaw(0.25 * step as f64, 0.0, 0.0), Stamp(1 + step as u64 * 500_000_000));
+        judge.take_true_pose(time, pose);
+        judge.take_pose(time, pose);
+        let seen: &[DVec2] = if shows.contains(&step) { &[DVec2::new(6.1, 0.1)] } else { &[] };
+        judge.take_map(time, &GridView::new(&map(seen)).unwrap()).unwrap();
+    }
+    judge.report().unwrap()
+}
+
+#[test]
+fn a_thing_that_the_vehicle_keeps_away_from_is_judged_at_each_pose_from_which_it_was_in_view() {
+    let check = |shows, blocking: [u64; 3], steady_from_m: Option<f64>| {
+        let report = approached(shows);
+        let of_layer =
+            |layer: &str| report.things[0].sightings.iter().find(|seen| seen.layer == layer).unwrap().clone();
+        let seen = of_layer(FUSED);
+        assert_eq!((seen.poses, seen.blocking), ([2, 4, 3], blocking), "{report}");
+        let near = match (seen.steady_from_m, steady_from_m) {
+            (Some(got_m), Some(expected_m)) => (got_m - expected_m).abs() < 1e-6,
+            (got_m, expected_m) => got_m == expected_m,
+        };
+        assert!(near, "{seen:?}");
+        let layer = &report.layers[0];
+        for (place, band) in layer.bands.iter().enumerate() {
+            let (poses, blocking) = (seen.poses[place], blocking[place]);
+            let counts = (band.things, band.steady_things, band.poses);
+            assert_eq!(counts, (1, u64::from(poses == blocking), poses), "{band:?}");
+            assert_eq!(band.blocking_pct, Some(100.0 * blocking as f64 / poses as f64));
+        }
+        assert_eq!((layer.late_things, layer.missed_things), (0, u64::from(steady_from_m.is_none())));
+        assert_eq!(report.to_string().contains("MISSED"), steady_from_m.is_none(), "{report}");
+        // Colour has no vote.
+        assert_eq!((of_layer("color").poses, of_layer("color").blocking), ([2, 4, 3], [0; 3]));
+    };
+    check(0..14, [2, 4, 3], Some(4.61));
+    check(7..14, [2, 4, 1], Some(4.11));
+    check(7..13, [1, 4, 1], None);
+    check(20..21, [0; 3], None);
+}
+
+#[test]
+fn the_distance_from_which_on_a_thing_blocks_equals_the_simple_definition_on_random_sightings() {
+    let reference = |seen: &[(f64, bool)]| {
+        let is_steady = |from_m: f64| seen.iter().all(|&(distance_m, blocks)| blocks || distance_m > from_m);
+        seen.iter().map(|&(distance_m, _)| distance_m).filter(|&from_m| is_steady(from_m)).reduce(f64::max)
+    };
+    let mut state = 7_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / (1_u64 << 31) as f64
+    };
+    let (mut steady, mut missed) = (0, 0);
+    for _ in 0..500 {
+        let count = 1 + (20.0 * random()) as usize;
+        let seen: Vec<_> = (0..count).map(|_| (2.0 + 3.0 * random(), random() < 0.9)).collect();
+        let counted = ThingSightings::new(FUSED, &seen);
+        assert_eq!(counted.steady_from_m, reference(&seen), "{seen:?}");
+        let mut expected = [[0; 3]; 2];
+        for &(distance_m, blocks) in &seen {
+            let band = distance_m as usize - 2;
+            expected[0][band] += 1;
+            expected[1][band] += u64::from(blocks);
+        }
+        assert_eq!([counted.poses, counted.blocking], expected, "{seen:?}");
+        *(if counted.steady_from_m.is_some() { &mut steady } else { &mut missed }) += 1;
+    }
+    assert!(steady > 20 && missed > 20, "{steady} {missed}");
 }
 
 #[test]

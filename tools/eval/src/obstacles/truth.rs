@@ -27,6 +27,10 @@ pub(crate) struct Truth {
     /// Number of the thing in each cell, by rows; `None` in cells that do not block.
     pub(crate) thing: Vec<Option<u32>>,
     pub(crate) things: Vec<Thing>,
+    /// Height of the soil in each cell, by rows, m.
+    pub(crate) ground_m: Vec<f64>,
+    /// Height of the top of what stands there, by rows, m.
+    pub(crate) top_m: Vec<f64>,
 }
 
 impl Truth {
@@ -35,7 +39,8 @@ impl Truth {
         grid.fields.iter().any(|field| field.name == "blocked")
     }
 
-    /// The true map of a grid with the field `blocked`; the field `class` names its things.
+    /// The true map of a grid with the field `blocked`; the field `class` names its things. Without the fields `height`
+    /// and `vegetation`, the ground is level, and what blocks is 1 m high.
     pub(crate) fn new(grid: Grid) -> Result<Truth, EvalError> {
         let refused = |error: rcs_world::GridViewError| EvalError::nothing(format!("true map: {error}"));
         let view = GridView::new(&grid).map_err(refused)?;
@@ -45,8 +50,13 @@ impl Truth {
             Ok(field) => field.values().map(|value| value as u8).collect(),
             Err(_) => vec![0; blocked.len()],
         };
+        let heights_m = |name: &str| view.field(name).ok().map(|field| field.values().collect::<Vec<f64>>());
+        let ground_m = heights_m("height").unwrap_or_else(|| vec![0.0; blocked.len()]);
+        let cover_m = heights_m("vegetation")
+            .unwrap_or_else(|| blocked.iter().map(|&blocked| f64::from(u8::from(blocked))).collect());
+        let top_m = ground_m.iter().zip(&cover_m).map(|(ground_m, cover_m)| ground_m + cover_m).collect();
         let (thing, things) = things(&view, &blocked, &class);
-        Ok(Truth { grid, thing, things })
+        Ok(Truth { grid, thing, things, ground_m, top_m })
     }
 }
 
