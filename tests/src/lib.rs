@@ -30,3 +30,5 @@ mod recorded_maps;
 mod stereo_truth;
 #[cfg(test)]
 mod torture;
+#[cfg(test)]
+mod updated_grids;

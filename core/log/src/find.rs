@@ -1,4 +1,5 @@
-//! Looks up single messages by time: the latest of each topic, the previous one, the next one.
+//! Looks up single messages by time: the latest of each topic, the previous one, the next one; and how much is read from
+//! one to another.
 
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
@@ -90,6 +91,22 @@ impl Log {
     ) -> Result<Option<LogMessage>, LogError> {
         let options = CursorOptions { topics: topics.map(<[_]>::to_vec), start: place.time, end: Stamp::MAX };
         self.cursor_after(options, place).next().transpose()
+    }
+
+    /// What a cursor on these topics reads from one position to another, bytes: the uncompressed contents of the segments
+    /// that have their messages. It follows from the index alone, not from what has been read.
+    pub(crate) fn contents_between(
+        &self,
+        from: MessagePosition,
+        to: MessagePosition,
+        topics: &[TopicId],
+    ) -> u64 {
+        let segments = self.0.segments.iter().filter(|segment| {
+            let held = segment.channels.as_ref();
+            let is_between = segment.first <= to.time.0 && segment.last >= from.time.0;
+            is_between && held.is_none_or(|held| topics.iter().any(|id| held.binary_search(&id.0).is_ok()))
+        });
+        segments.fold(0_u64, |sum, segment| sum.saturating_add(segment.contents))
     }
 
     /// The last message before `before` of each group of channels. Reads segments from the latest backwards, and only

@@ -1,30 +1,51 @@
 //! Reassembles messages that were stored as key frames and deltas.
 //!
-//! Channel metadata ([`DELTA_OF`]) says which channel holds the deltas of which topic. The codec is the one for that
-//! delta type among those of the log ([`Log::with_codecs`]). A channel of deltas without a known codec remains a
-//! separate topic.
+//! - Our own recordings: channel metadata ([`DELTA_OF`]) says which channel holds the deltas of which topic. The codec is
+//!   the one for that delta type among those of the log ([`Log::with_codecs`]).
+//! - Grids of ROS, whose updates are on a second topic: see [`grid_decoder`]. A recording may hold a single whole grid, at
+//!   its start. So the way from it is bounded (`REACH_BYTES`), for reading on as for seeking, so that what is shown does
+//!   not depend on the way there; and a seek keeps some of the grids on its way, from which the next seek begins.
+//!
+//! A channel of deltas that belongs to none of these remains a separate topic.
 
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
-use crate::info::{LogMessage, MessagePosition, TopicId};
+use crate::info::{LogMessage, LogTopic, MessagePosition, TopicId};
 use crate::log::Log;
-use rcs_msg::{AnyMessage, DELTA_OF, DeltaCodec, DeltaDecoder};
-use std::collections::BTreeMap;
+use rcs_msg::{AnyMessage, DELTA_OF, DeltaCodec, DeltaDecoder, GRID_UPDATES, grid_decoder};
+use std::collections::{BTreeMap, VecDeque};
+
+/// Greatest size of the segments with updates, uncompressed, from a whole grid of ROS to the last update that is applied
+/// to it.
+const REACH_BYTES: u64 = 1 << 30;
+/// A seek keeps a grid after each such part of the greatest size.
+const KEPT_PARTS: u64 = 32;
+/// Greatest size of the grids of a topic that are kept.
+const KEPT_BYTES: usize = 64 << 20;
 
 /// Reassembles the messages of a log's channels with deltas, read in order from the position of [`Reassembly::seek`].
 pub struct Reassembly {
     log: Log,
-    channels: Vec<Channel>,
-    /// Both topics of each channel.
+    streams: Vec<Stream>,
+    /// All topics of each stream.
     by_topic: BTreeMap<TopicId, usize>,
 }
 
-struct Channel {
-    keys: TopicId,
-    deltas: TopicId,
-    codec: &'static dyn DeltaCodec,
+/// Key frames and their deltas.
+struct Stream {
+    /// Channels of the key frames and of the deltas, at least one of each. Only grids of ROS have several, as after the
+    /// restart of a node.
+    keys: Vec<TopicId>,
+    deltas: Vec<TopicId>,
     decoder: Box<dyn DeltaDecoder>,
-    /// A message is missing and has been reported: deltas that follow are skipped without another report.
+    /// Greatest size of the segments with deltas from a key frame to a delta; `None` for our own recordings, which have a
+    /// key frame every few seconds.
+    reach_bytes: Option<u64>,
+    /// Topic and position of the last key frame.
+    key: Option<(TopicId, MessagePosition)>,
+    /// Complete messages of earlier seeks, in no order; only where there is a reach.
+    kept: VecDeque<Reassembled>,
+    /// A delta was refused and has been reported: those that follow are skipped without another report.
     broken: bool,
 }
 
@@ -42,22 +63,15 @@ pub struct Reassembled {
 impl Reassembly {
     /// Positioned before the first message of a log.
     pub fn new(log: &Log) -> Self {
-        let info = log.info();
-        let (mut channels, mut by_topic) = (Vec::new(), BTreeMap::new());
-        for topic in &info.topics {
-            let base = topic.metadata.get(DELTA_OF).and_then(|name| info.topics_named(name).next());
-            let named = |codec: &&&'static dyn DeltaCodec| codec.delta_schema().name() == topic.schema.name();
-            let (Some(base), Some(&codec)) = (base, log.codecs().iter().find(named)) else { continue };
-            if by_topic.contains_key(&base.id) {
-                continue;
-            }
-            by_topic.insert(base.id, channels.len());
-            by_topic.insert(topic.id, channels.len());
-            let decoder = codec.decoder();
-            let (keys, deltas) = (base.id, topic.id);
-            channels.push(Channel { keys, deltas, codec, decoder, broken: false });
+        let (mut streams, mut by_topic) = (Vec::<Stream>::new(), BTreeMap::<TopicId, usize>::new());
+        for topic in &log.info().topics {
+            let found = own_stream(log, topic).or_else(|| grid_stream(log, topic));
+            let is_free = |found: &Stream| found.topics().all(|id| !by_topic.contains_key(&id));
+            let Some(stream) = found.filter(is_free) else { continue };
+            by_topic.extend(stream.topics().map(|id| (id, streams.len())));
+            streams.push(stream);
         }
-        Self { log: log.clone(), channels, by_topic }
+        Self { log: log.clone(), streams, by_topic }
     }
 
     /// Whether the topic has key frames or deltas.
@@ -65,67 +79,183 @@ impl Reassembly {
         self.by_topic.contains_key(&topic)
     }
 
-    /// Topic of the key frames for the deltas of this topic.
+    /// Topic of the key frames for the deltas of this topic; the first one where several channels with one name have key
+    /// frames.
     pub fn keys_of(&self, deltas: TopicId) -> Option<TopicId> {
-        self.channels.iter().find(|channel| channel.deltas == deltas).map(|channel| channel.keys)
+        self.streams.iter().find(|stream| stream.deltas.contains(&deltas))?.keys.first().copied()
     }
 
-    /// Topic of the deltas for the key frames of this topic.
-    pub fn deltas_of(&self, keys: TopicId) -> Option<TopicId> {
-        self.channels.iter().find(|channel| channel.keys == keys).map(|channel| channel.deltas)
+    /// Topics of the deltas for the key frames of this topic. Where several channels with one name have key frames, the
+    /// first one has all deltas.
+    pub fn deltas_of(&self, keys: TopicId) -> &[TopicId] {
+        let stream = self.streams.iter().find(|stream| stream.keys.first() == Some(&keys));
+        stream.map(|stream| stream.deltas.as_slice()).unwrap_or_default()
     }
 
     /// Accepts the next message of one of these topics. `None` if it gives no complete message: the topic is another,
-    /// or the delta does not follow the previous message, which is reported as a problem of the log.
+    /// or the delta does not fit what was accepted before, which is reported as a problem of the log.
     pub fn take(&mut self, stored: &LogMessage) -> Option<Reassembled> {
-        let channel = &mut self.channels[*self.by_topic.get(&stored.topic)?];
-        let topic = channel.keys;
-        if stored.topic == topic {
-            let schema = self.log.info().topic(topic)?.schema.clone();
-            let message = AnyMessage::encoded(schema, stored.data.clone());
-            channel.decoder.take_whole(stored.sequence, &message);
-            channel.broken = false;
-            return Some(Reassembled { stored: stored.clone(), topic, message });
+        let index = *self.by_topic.get(&stored.topic)?;
+        if self.streams[index].keys.contains(&stored.topic) {
+            return self.take_key(index, stored);
         }
-        match channel.decoder.take_delta(stored.sequence, &stored.data) {
-            Ok(message) => Some(Reassembled { stored: stored.clone(), topic, message }),
-            Err(error) => {
-                if !std::mem::replace(&mut channel.broken, true) {
-                    let name = self.log.info().topic(topic).map_or("", |topic| topic.name.as_str());
-                    let text = format!("{name}: {error}; skipped up to the next key frame");
-                    self.log.report_at(stored.place, text);
-                }
-                None
-            }
-        }
+        if self.take_delta(index, stored) { self.complete(index, stored.clone()) } else { None }
     }
 
     /// Moves to `place`, as if every message up to and including it had been accepted. Returns the newest complete
-    /// message of each channel there.
+    /// message of each topic there.
     pub fn seek(&mut self, place: MessagePosition) -> Result<Vec<Reassembled>, LogError> {
-        let behind = MessagePosition { offset: place.offset.saturating_add(1), ..place };
         let mut newest = Vec::new();
-        for index in 0..self.channels.len() {
-            let channel = &mut self.channels[index];
-            channel.decoder = channel.codec.decoder();
-            channel.broken = false;
-            let (keys, deltas) = (channel.keys, channel.deltas);
-            let Some(key) = self.log.previous_message(behind, Some(&[keys]))? else { continue };
-            let start = key.log_time;
-            let after = key.place;
-            let mut last = self.take(&key);
-            let options = CursorOptions { topics: Some(vec![deltas]), start, end: place.time };
-            for delta in self.log.cursor_after(options, after) {
-                let delta = delta?;
-                if delta.place > place {
-                    break;
-                }
-                last = self.take(&delta).or(last);
-            }
-            newest.extend(last);
+        for index in 0..self.streams.len() {
+            newest.extend(self.seek_stream(index, place)?);
         }
         Ok(newest)
     }
+
+    fn take_key(&mut self, index: usize, stored: &LogMessage) -> Option<Reassembled> {
+        let (stream, topic) = (&mut self.streams[index], stored.topic);
+        let schema = self.log.info().topic(topic)?.schema.clone();
+        let message = AnyMessage::encoded(schema, stored.data.clone());
+        stream.decoder.take_whole(stored.sequence, &message);
+        (stream.key, stream.broken) = (Some((topic, stored.place)), false);
+        Some(Reassembled { stored: stored.clone(), topic, message })
+    }
+
+    /// Accepts the next delta; `false` if it is refused. Of those that are refused one after another, the first is
+    /// reported.
+    fn take_delta(&mut self, index: usize, stored: &LogMessage) -> bool {
+        let too_far = self.too_far(index, stored.place);
+        let stream = &mut self.streams[index];
+        let (taken, left_out) = match too_far {
+            Some(why) => (Err(why), "left out, like those up to the next whole grid"),
+            None => (stream.decoder.take_delta(stored.sequence, &stored.data), "left out"),
+        };
+        let Err(error) = taken else {
+            stream.broken = false;
+            return true;
+        };
+        if !std::mem::replace(&mut stream.broken, true) {
+            let name = |id| self.log.info().topic(id).map_or("", |topic| topic.name.as_str());
+            let text = if stream.reach_bytes.is_some() {
+                format!("{}: update at {}: {error}; {left_out}", name(stored.topic), stored.log_time)
+            } else {
+                format!("{}: {error}; skipped up to the next key frame", name(stream.keys[0]))
+            };
+            self.log.report_at(stored.place, text);
+        }
+        false
+    }
+
+    /// Why a delta is too far behind its key frame, if it is.
+    fn too_far(&self, index: usize, place: MessagePosition) -> Option<String> {
+        let stream = &self.streams[index];
+        let most = stream.reach_bytes?;
+        let (_, key) = stream.key?;
+        let bytes = self.log.contents_between(key, place, &stream.deltas);
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        (bytes > most).then(|| {
+            let (got, most) = (mib(bytes), mib(most));
+            format!(
+                "updates since the whole grid lie in {got} MiB of the recording, expected at most {most} MiB"
+            )
+        })
+    }
+
+    /// The complete message after a delta that was accepted.
+    fn complete(&self, index: usize, stored: LogMessage) -> Option<Reassembled> {
+        let stream = &self.streams[index];
+        let (topic, _) = stream.key?;
+        Some(Reassembled { stored, topic, message: stream.decoder.message()? })
+    }
+
+    fn seek_stream(&mut self, index: usize, place: MessagePosition) -> Result<Option<Reassembled>, LogError> {
+        let behind = MessagePosition { offset: place.offset.saturating_add(1), ..place };
+        let stream = &mut self.streams[index];
+        stream.decoder.forget();
+        (stream.key, stream.broken) = (None, false);
+        let Some(key) = self.log.previous_message(behind, Some(&stream.keys))? else {
+            // Deltas without a key frame are reported at the first of them, from wherever one comes.
+            let first = self.log.next_message(MessagePosition::default(), Some(&stream.deltas))?;
+            if let Some(first) = first.filter(|first| first.place <= place) {
+                self.take_delta(index, &first);
+            }
+            return Ok(None);
+        };
+        let Some(mut last) = self.take_key(index, &key) else { return Ok(None) };
+        let stream = &mut self.streams[index];
+        let is_behind = |kept: &&Reassembled| key.place < kept.stored.place && kept.stored.place <= place;
+        let nearest = stream.kept.iter().filter(is_behind).max_by_key(|kept| kept.stored.place);
+        if let Some(kept) = nearest.cloned() {
+            stream.decoder.take_whole(kept.stored.sequence, &kept.message);
+            last = kept;
+        }
+        let deltas = stream.deltas.clone();
+        let options = CursorOptions { topics: Some(deltas.clone()), start: key.log_time, end: place.time };
+        let part = stream.reach_bytes.map(|most| most / KEPT_PARTS);
+        let (mut accepted, mut kept_at) = (None, last.stored.place);
+        for delta in self.log.cursor_after(options, last.stored.place) {
+            let delta = delta?;
+            if delta.place > place {
+                break;
+            }
+            let at = delta.place;
+            if self.take_delta(index, &delta) {
+                accepted = Some(delta.clone());
+                if part.is_some_and(|part| self.log.contents_between(kept_at, at, &deltas) > part) {
+                    self.keep(index, delta);
+                    kept_at = at;
+                }
+            } else if self.too_far(index, at).is_some() {
+                break;
+            }
+        }
+        let newest = accepted.and_then(|stored| self.complete(index, stored));
+        Ok(Some(newest.unwrap_or(last)))
+    }
+
+    /// Keeps the message after a delta that was accepted. Those that were kept first make room.
+    fn keep(&mut self, index: usize, stored: LogMessage) {
+        let Some(whole) = self.complete(index, stored) else { return };
+        let kept = &mut self.streams[index].kept;
+        kept.push_back(whole);
+        while kept.iter().map(|whole| whole.message.size_hint()).sum::<usize>() > KEPT_BYTES {
+            kept.pop_front();
+        }
+    }
+}
+
+impl Stream {
+    fn new(keys: Vec<TopicId>, deltas: Vec<TopicId>, decoder: Box<dyn DeltaDecoder>) -> Self {
+        Self { keys, deltas, decoder, reach_bytes: None, key: None, kept: VecDeque::new(), broken: false }
+    }
+
+    fn topics(&self) -> impl Iterator<Item = TopicId> {
+        self.keys.iter().chain(&self.deltas).copied()
+    }
+}
+
+/// The stream of a topic with deltas of our own recordings.
+fn own_stream(log: &Log, topic: &LogTopic) -> Option<Stream> {
+    let keys = log.info().topics_named(topic.metadata.get(DELTA_OF)?).next()?;
+    let named = |codec: &&&'static dyn DeltaCodec| codec.delta_schema().name() == topic.schema.name();
+    let codec = log.codecs().iter().find(named)?;
+    Some(Stream::new(vec![keys.id], vec![topic.id], codec.decoder()))
+}
+
+/// The stream of a topic with updates of grids of ROS. As for whoever subscribes to it, an update belongs to the last
+/// grid with the name of the topic, whichever channel has it.
+fn grid_stream(log: &Log, topic: &LogTopic) -> Option<Stream> {
+    let (name, info) = (topic.name.strip_suffix(GRID_UPDATES)?, log.info());
+    let is_grid = |grids: &&LogTopic| grid_decoder(&grids.schema, &topic.schema).is_some();
+    let grids: Vec<&LogTopic> = info.topics_named(name).filter(is_grid).collect();
+    let first = grids.first()?;
+    let is_update =
+        |updates: &&LogTopic| updates.messages > 0 && grid_decoder(&first.schema, &updates.schema).is_some();
+    let updates = info.topics_named(&topic.name).filter(is_update);
+    let updates: Vec<TopicId> = updates.map(|updates| updates.id).collect();
+    let decoder = grid_decoder(&first.schema, &topic.schema).filter(|_| !updates.is_empty())?;
+    let stream = Stream::new(grids.iter().map(|grids| grids.id).collect(), updates, decoder);
+    Some(Stream { reach_bytes: Some(REACH_BYTES), ..stream })
 }
 
 impl std::fmt::Debug for Reassembly {
@@ -133,3 +263,7 @@ impl std::fmt::Debug for Reassembly {
         f.debug_struct("Reassembly").field("topics", &self.by_topic).finish_non_exhaustive()
     }
 }
+
+#[cfg(test)]
+#[path = "reassembly_tests.rs"]
+mod tests;

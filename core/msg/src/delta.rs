@@ -4,6 +4,8 @@
 //! time, on the channel of the messages and in their own type, so that any tool can read it. The messages between two
 //! key frames are stored as deltas on a second channel. The codec belongs to the message type; the recorder and the
 //! readers know only these traits. The hash of a run, too, looks only at what has changed: see [`Digester`].
+//!
+//! Other programs send changes, too, which are read in the same way: [`grid_decoder`](crate::grid_decoder).
 
 use crate::any::AnyMessage;
 use crate::schema::Schema;
@@ -49,9 +51,15 @@ pub trait DeltaEncoder: Send {
 pub trait DeltaDecoder: Send {
     /// Accepts a key frame.
     fn take_whole(&mut self, sequence: u32, message: &AnyMessage);
-    /// The message that a delta encodes. It is an error if the delta does not follow the last accepted message or does
-    /// not decode. After one that does not decode, deltas are refused until the next key frame.
-    fn take_delta(&mut self, sequence: u32, delta: &[u8]) -> Result<AnyMessage, String>;
+    /// Accepts a delta; [`DeltaDecoder::message`] is then the message that it encodes. It is an error if the delta does
+    /// not follow the last accepted message or does not decode. Where each delta needs the one before it, all are
+    /// refused after one that does not decode, until the next key frame.
+    fn take_delta(&mut self, sequence: u32, delta: &[u8]) -> Result<(), String>;
+    /// The last message that was accepted, also where a delta after it was refused; `None` before the first, and after
+    /// a key frame that does not decode.
+    fn message(&self) -> Option<AnyMessage>;
+    /// Returns to the state of a new decoder.
+    fn forget(&mut self);
 }
 
 /// What identifies the content of a message.

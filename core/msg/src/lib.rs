@@ -9,7 +9,8 @@
 //! - [`FieldScanner`]: reads one number from each of many messages without decoding the rest.
 //! - [`canonical`]: the one registry of conversions from foreign messages to ours.
 //! - [`classes`]: names and colours of the values of a label image.
-//! - [`DeltaCodec`]: stores the messages of a type as key frames and deltas.
+//! - [`DeltaCodec`]: stores the messages of a type as key frames and deltas. [`grid_decoder`]: reads grids of ROS that
+//!   were recorded with their updates.
 //! - [`guard`]: turns panics of foreign-data readers into errors.
 //! - [`params`]: parameters as messages, with units, ranges and defaults. [`image`], [`points()`]: pixels and points.
 //!
@@ -55,7 +56,7 @@ mod time;
 mod value;
 
 pub use any::{AnyMessage, DeferredSource, Payload, schema_of};
-pub use convert::{ConvertError, DELETES_NAMESPACE, canonical, canonical_name};
+pub use convert::{ConvertError, DELETES_NAMESPACE, GRID_UPDATES, canonical, canonical_name, grid_decoder};
 pub use definition::MessageEncoding;
 pub use delta::{DELTA_OF, DELTA_SUFFIX, DeltaCodec, DeltaDecoder, DeltaEncoder, Digest, Digester, Stored};
 pub use header::{header_frame, header_stamp};

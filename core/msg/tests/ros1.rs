@@ -4,7 +4,7 @@ use bytes::Bytes;
 use rcs_msg::rcs::diagnostic::Level;
 use rcs_msg::{
     AnyMessage, FieldScanner, MessageEncoding, Schema, Value, canonical, canonical_name, foxglove,
-    header_frame, header_stamp, points, rcs,
+    grid_decoder, header_frame, header_stamp, points, rcs,
 };
 use std::sync::Arc;
 
@@ -160,6 +160,33 @@ fn levels_of_log_lines_are_those_of_ros_1() {
         let line = message.get::<foxglove::Log>().expect("it is a line");
         assert_eq!((line.level(), &*line.name, &*line.message, line.line), (level, "/node", "words", 7));
     }
+}
+
+#[test]
+fn a_grid_has_the_cells_and_the_time_of_its_updates() {
+    let grids = format!(
+        "Header header\nMapMetaData info\nint8[] data{HEADER}===\nMSG: nav_msgs/MapMetaData\ntime map_load_time\n\
+         float32 resolution\nuint32 width\nuint32 height\ngeometry_msgs/Pose origin\n===\n\
+         MSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n===\nMSG: geometry_msgs/Point\nfloat64 x\n\
+         float64 y\nfloat64 z\n===\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+    );
+    let updates =
+        format!("Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data{HEADER}");
+    let (grids, updates) =
+        (schema("nav_msgs/OccupancyGrid", &grids), schema("map_msgs/OccupancyGridUpdate", &updates));
+    let mut decoder = grid_decoder(&grids, &updates).expect("they belong together");
+    let mut writer = Writer::default();
+    writer.header().u32(0).u32(0).bytes(&0.5f32.to_le_bytes()).u32(2).u32(2);
+    let bytes = writer.floats(&[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0]).text([0_u8; 4]).done();
+    decoder.take_whole(1, &AnyMessage::encoded(Arc::clone(&grids), bytes));
+    let update =
+        writer.u32(1).u32(9).u32(3).text("map").u32(1).u32(0).u32(1).u32(2).text([100_u8, 0xff]).done();
+    decoder.take_delta(1, &update).expect("it fits");
+    let whole = decoder.message().expect("a grid is there").bytes();
+    let message = canonical(&grids, &whole).expect("a conversion is known").expect("it converts");
+    let grid = message.get::<foxglove::Grid>().expect("it is a grid");
+    assert_eq!(grid.data, [0, 250, 0, 255][..]);
+    assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(9_000_000_003));
 }
 
 #[test]

@@ -173,6 +173,8 @@ struct Held {
     key_sequence: u32,
     sequence: u32,
     what: What,
+    /// A delta after it did not decode, so that no other one applies to it.
+    is_lost: bool,
 }
 
 enum What {
@@ -187,17 +189,19 @@ impl DeltaDecoder for Decoder {
             Some(map) => What::Map(Box::new(map.clone())),
             None => What::Grid(message.clone()),
         };
-        self.held = Some(Held { key_sequence: sequence, sequence, what });
+        self.held = Some(Held { key_sequence: sequence, sequence, what, is_lost: false });
     }
 
-    fn take_delta(&mut self, sequence: u32, delta: &[u8]) -> Result<AnyMessage, String> {
+    fn take_delta(&mut self, sequence: u32, delta: &[u8]) -> Result<(), String> {
         let bytes = bytes::Bytes::copy_from_slice(delta);
         let delta = AnyMessage::decode::<MapDelta>(bytes).ok().and_then(|message| message.to::<MapDelta>());
         let Some(delta) = delta else {
-            self.held = None;
+            if let Some(held) = &mut self.held {
+                held.is_lost = true;
+            }
             return Err(format!("map delta {sequence} does not decode"));
         };
-        let Some(held) = &mut self.held else {
+        let Some(held) = self.held.as_mut().filter(|held| !held.is_lost) else {
             return Err(format!("map delta {sequence} has no key frame {} before it", delta.key_sequence));
         };
         // A whole map with the sequence of the base is the base: a part of a recording begins with it.
@@ -219,14 +223,25 @@ impl DeltaDecoder for Decoder {
         match applied(base, &delta) {
             Ok(message) => {
                 (held.key_sequence, held.sequence) = (delta.key_sequence, sequence);
-                held.what = What::Map(Box::new(message.clone()));
-                Ok(message.into_message())
+                held.what = What::Map(Box::new(message));
+                Ok(())
             }
             Err(error) => {
-                self.held = None;
+                held.is_lost = true;
                 Err(format!("map delta {sequence}: {error}"))
             }
         }
+    }
+
+    fn message(&self) -> Option<AnyMessage> {
+        Some(match &self.held.as_ref()?.what {
+            What::Grid(grid) => grid.clone(),
+            What::Map(map) => MapMessage::clone(map).into_message(),
+        })
+    }
+
+    fn forget(&mut self) {
+        self.held = None;
     }
 }
 

@@ -6,7 +6,7 @@ use crate::plain::plain;
 use crate::table::{Align, Table};
 use anyhow::Context as _;
 use ocu_ui::format;
-use rcs_log::{Log, LogInfo};
+use rcs_log::{Log, LogInfo, Reassembly};
 use serde::Serialize;
 use std::io::Write;
 
@@ -54,7 +54,7 @@ pub fn info(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<()> {
         writeln!(out)?;
         return Ok(());
     }
-    human(info, out)
+    human(&log, out)
 }
 
 fn report(info: &LogInfo) -> Report<'_> {
@@ -93,7 +93,8 @@ fn verified(info: &LogInfo) -> String {
     format!("the index alone; {rest} chunks are believed until they are read (ocu check reads them)")
 }
 
-fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
+fn human(log: &Log, out: &mut dyn Write) -> anyhow::Result<()> {
+    let (info, reassembly) = (log.info(), Reassembly::new(log));
     let parts = match info.files.len() {
         0 | 1 => String::new(),
         count => format!(" and {} more", count - 1),
@@ -138,7 +139,11 @@ fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
         let note = match topic.metadata.get(rcs_msg::DELTA_OF) {
             _ if !topic.decodable => format!("cannot be decoded: {}", reason()),
             Some(keys) => format!("changes between the key frames of {keys}"),
-            None => String::new(),
+            // Of ROS.
+            None => reassembly
+                .keys_of(topic.id)
+                .and_then(|grids| info.topic(grids))
+                .map_or_else(String::new, |grids| format!("updates of the grids of {}", grids.name)),
         };
         table.row([
             topic.name.clone(),

@@ -1,10 +1,11 @@
 //! Occupancy grids and costmaps. In these messages, as in `foxglove.Grid`, rows run along x from the origin of the grid,
 //! and the next row lies in +y.
 
-use super::{Conversion, Source, Unusable, expect};
+use super::{Conversion, Header, Source, Unusable, expect};
 use crate::any::AnyMessage;
 use crate::foxglove::packed_element_field::NumericType;
-use crate::foxglove::{Grid, PackedElementField, Vector2};
+use crate::foxglove::{Grid, PackedElementField, Pose, Vector2};
+use bytes::Bytes;
 
 pub(super) const OCCUPANCY_GRID: Conversion = Conversion {
     from: "nav_msgs/OccupancyGrid",
@@ -20,23 +21,41 @@ pub(super) const COSTMAP: Conversion = Conversion {
     convert: costmap,
 };
 
+/// A `nav_msgs/OccupancyGrid`.
+pub(super) struct Occupancy {
+    pub(super) header: Header,
+    resolution_m: f64,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    origin: Pose,
+    /// One byte each, row by row; shared with the message.
+    pub(super) cells: Bytes,
+}
+
+impl Occupancy {
+    pub(super) fn read(source: &mut Source<'_>) -> Result<Self, Unusable> {
+        let header = source.header()?;
+        // The time at which the map was loaded.
+        let (_, _) = (source.cursor.i32()?, source.cursor.u32()?);
+        let resolution_m = f64::from(source.cursor.f32()?);
+        let (width, height) = (source.cursor.u32()?, source.cursor.u32()?);
+        let origin = source.pose()?;
+        let cells = source.shared()?;
+        check_cells(cells.len(), width, height)?;
+        Ok(Self { header, resolution_m, width, height, origin, cells })
+    }
+}
+
 /// One field, `cost`: probabilities 0 to 100 become costs 0 to 250; any other value (-1) becomes 255, unknown.
 fn occupancy_grid(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
-    let header = source.header()?;
-    // The time at which the map was loaded.
-    let (_, _) = (source.cursor.i32()?, source.cursor.u32()?);
-    let resolution = f64::from(source.cursor.f32()?);
-    let (width, height) = (source.cursor.u32()?, source.cursor.u32()?);
-    let origin = source.pose()?;
-    let cells = source.shared()?;
-    check_cells(cells.len(), width, height)?;
+    let Occupancy { header, resolution_m, width, origin, cells, .. } = Occupancy::read(source)?;
     let cost = |cell: &u8| if *cell <= 100 { (u16::from(*cell) * 5 / 2) as u8 } else { u8::MAX };
     Ok(AnyMessage::new(Grid {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         pose: Some(origin),
         column_count: width,
-        cell_size: Some(Vector2 { x: resolution, y: resolution }),
+        cell_size: Some(Vector2 { x: resolution_m, y: resolution_m }),
         row_stride: width,
         cell_stride: 1,
         fields: vec![byte("cost", 0)],

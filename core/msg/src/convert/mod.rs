@@ -19,7 +19,7 @@
 //! | `nav_msgs/Path` | `foxglove.PosesInFrame` | `pose.rs` |
 //! | `tf2_msgs/TFMessage`, `tf/tfMessage` | `foxglove.FrameTransforms` | `pose.rs` |
 //! | `geometry_msgs/PolygonStamped` | `foxglove.PosesInFrame` | `pose.rs` |
-//! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs` |
+//! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs`; its updates: `grid_updates.rs` |
 //! | `nav2_msgs/Costmap` | `foxglove.Grid` | `grid.rs` |
 //! | `grid_map_msgs/GridMap` | `foxglove.Grid` | `grid_map.rs` |
 //! | `visualization_msgs/Marker`, `visualization_msgs/MarkerArray` | `foxglove.SceneUpdate` | `markers.rs` |
@@ -37,6 +37,7 @@ mod cloud;
 mod diagnostics;
 mod grid;
 mod grid_map;
+mod grid_updates;
 mod image;
 mod log;
 mod markers;
@@ -54,6 +55,7 @@ use crate::reader::rosmsg::Wire;
 use crate::registry::{Known, registry};
 use crate::schema::Schema;
 use bytes::Bytes;
+pub use grid_updates::{GRID_UPDATES, grid_decoder};
 pub use markers::DELETES_NAMESPACE;
 use prost_types::Timestamp;
 use std::sync::Arc;

@@ -74,6 +74,11 @@ impl<'a> Cursor<'a> {
         self.wire
     }
 
+    /// Where the next value is read, or its padding, counted from the start of the whole message.
+    pub(crate) fn position(&self) -> usize {
+        self.whole(self.at)
+    }
+
     /// A position in the whole message, including the encapsulation header.
     fn whole(&self, at: usize) -> usize {
         match self.wire {

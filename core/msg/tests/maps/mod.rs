@@ -1,9 +1,12 @@
-//! Costmaps, grid maps and polygons: what lies where, and what is refused.
+//! Costmaps, grid maps, polygons and updates of grids: what lies where, and what is refused.
 
 use super::{HEADER, POSE, Writer, convert, named, schema};
 use bytes::Bytes;
 use rcs_msg::foxglove::{Grid, PosesInFrame, Vector2};
-use rcs_msg::{canonical, canonical_name, header_frame, header_stamp};
+use rcs_msg::{
+    AnyMessage, MessageEncoding, Schema, canonical, canonical_name, grid_decoder, header_frame, header_stamp,
+};
+use std::sync::Arc;
 
 const COSTMAP: &str = "nav2_msgs/msg/Costmap";
 const GRID_MAP: &str = "grid_map_msgs/msg/GridMap";
@@ -287,4 +290,98 @@ fn definitions_of_maps_and_polygons_are_those_that_the_conversions_expect() {
     ] {
         assert_eq!(canonical_name(&schema(name, &text)), Some(expect), "{name}");
     }
+}
+
+const OCCUPANCY: &str = "nav_msgs/msg/OccupancyGrid";
+const UPDATE: &str = "map_msgs/msg/OccupancyGridUpdate";
+
+/// A grid of three by two cells.
+fn occupancy(big_endian: bool) -> Bytes {
+    let mut writer = Writer::new(big_endian);
+    writer.header().u32(0).u32(0).fixed(0.5f32.to_le_bytes()).u32(3).u32(2);
+    writer.floats(&[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0]).data(&[0; 6]).done()
+}
+
+/// New cells for a rectangle of a grid, of 9.000000003 s.
+fn update(big_endian: bool, frame_id: &str, [x, y, width, height]: [i32; 4], cells: &[u8]) -> Bytes {
+    let mut writer = Writer::new(big_endian);
+    writer.u32(9).u32(3).text(frame_id).fixed(x.to_le_bytes()).fixed(y.to_le_bytes());
+    writer.fixed(width.to_le_bytes()).fixed(height.to_le_bytes()).data(cells).done()
+}
+
+#[test]
+fn updates_replace_cells_of_a_grid_and_give_it_their_time() {
+    for orders in [[false, false], [false, true], [true, false], [true, true]] {
+        let [of_grid, of_update] = orders;
+        let schema = named(OCCUPANCY);
+        let mut decoder = grid_decoder(&schema, &named(UPDATE)).expect("they belong together");
+        assert!(decoder.message().is_none());
+        decoder.take_whole(1, &AnyMessage::encoded(Arc::clone(&schema), occupancy(of_grid)));
+        decoder.take_delta(1, &update(of_update, "map", [1, 0, 2, 2], &[10, 20, 30, 0xff])).expect("it fits");
+        decoder.take_delta(2, &update(of_update, "/map", [0, 1, 2, 1], &[100, 40])).expect("it fits");
+        decoder.take_delta(3, &update(of_update, "map", [3, 2, 0, 0], &[])).expect("it has no cells");
+        let whole = decoder.message().expect("a grid is there");
+        assert_eq!(whole.schema().name(), OCCUPANCY);
+        let message = convert(OCCUPANCY, &whole.bytes());
+        let grid = message.get::<Grid>().expect("it is a grid");
+        assert_eq!(grid.data, [0, 25, 50, 250, 100, 255][..], "{orders:?}");
+        assert_eq!(grid.cell_size, Some(Vector2 { x: 0.5, y: 0.5 }));
+        assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(9_000_000_003), "{orders:?}");
+        decoder.forget();
+        assert!(decoder.message().is_none());
+    }
+}
+
+#[test]
+fn an_update_that_does_not_fit_its_grid_is_refused_and_changes_nothing() {
+    let schema = named(OCCUPANCY);
+    let mut decoder = grid_decoder(&schema, &named(UPDATE)).expect("they belong together");
+    let fitting = update(false, "map", [0, 0, 1, 1], &[50]);
+    assert_eq!(decoder.take_delta(1, &fitting), Err("no whole grid is before it".to_owned()));
+    let whole = |bytes: Bytes| AnyMessage::encoded(Arc::clone(&schema), bytes);
+    decoder.take_whole(1, &whole(occupancy(false).slice(..50)));
+    let refusal = decoder.take_delta(2, &fitting).expect_err("there is no grid");
+    assert!(refusal.starts_with("the whole grid before it does not decode: "), "{refusal}");
+
+    decoder.take_whole(2, &whole(occupancy(false)));
+    decoder.take_delta(3, &fitting).expect("it fits");
+    let before = decoder.message().expect("a grid is there").bytes();
+    for (rectangle, count) in [
+        ([2, 0, 2, 1], 2),
+        ([0, 2, 1, 1], 1),
+        ([-1, 0, 2, 1], 2),
+        ([0, i32::MIN, 1, 1], 1),
+        ([i32::MAX, 0, 1, 1], 1),
+        ([0, 0, -1, 0], 0),
+    ] {
+        let refusal = decoder.take_delta(4, &update(false, "map", rectangle, &vec![1; count]));
+        let refusal = refusal.expect_err("it is outside");
+        assert!(refusal.ends_with("on, expected cells of a grid of 3 × 2"), "{refusal}");
+    }
+    for count in [1, 4] {
+        let refusal = decoder.take_delta(5, &update(false, "map", [0, 0, 3, 1], &vec![1; count]));
+        assert_eq!(refusal, Err(format!("cells of the update: got {count}, expected 3")));
+    }
+    let refusal = decoder.take_delta(6, &update(false, "odom", [0, 0, 1, 1], &[1]));
+    assert_eq!(refusal, Err("it is in the frame \"odom\", expected \"map\" as of the grid".to_owned()));
+    for end in 0..fitting.len() {
+        assert!(decoder.take_delta(7, &fitting[..end]).is_err(), "{end} bytes");
+    }
+    assert_eq!(decoder.message().expect("a grid is there").bytes(), before);
+}
+
+#[test]
+fn grids_have_updates_of_their_encoding_and_with_the_definition_of_ros_alone() {
+    let definition = |height: &str| {
+        let fields = "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\n";
+        schema(UPDATE, &format!("{fields}{height} height\nint8[] data{HEADER}"))
+    };
+    let grids = named(OCCUPANCY);
+    assert!(grid_decoder(&grids, &definition("uint32")).is_some());
+    assert!(grid_decoder(&grids, &definition("uint64")).is_none());
+    assert!(grid_decoder(&grids, &named(OCCUPANCY)).is_none());
+    assert!(grid_decoder(&named(COSTMAP), &named(UPDATE)).is_none());
+    let of_ros_1 =
+        Schema::new("map_msgs/OccupancyGridUpdate", MessageEncoding::Ros1, "ros1msg", Bytes::new());
+    assert!(grid_decoder(&grids, &of_ros_1).is_none());
 }

@@ -22,6 +22,7 @@ use rcs_log::{
 use rcs_msg::channel::WRITER;
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::{BTreeMap, VecDeque};
+use std::iter;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -74,9 +75,10 @@ impl LogView {
             if reassembly.keys_of(topic.id).is_some() {
                 continue;
             }
-            let deltas = reassembly.deltas_of(topic.id).and_then(|id| info.topic(id));
-            let messages = topic.messages + deltas.map_or(0, |deltas| deltas.messages);
-            let hz = topic.hz + deltas.map_or(0.0, |deltas| deltas.hz);
+            let deltas = reassembly.deltas_of(topic.id).iter().filter_map(|id| info.topic(*id));
+            let deltas: Vec<&LogTopic> = deltas.collect();
+            let messages = topic.messages + deltas.iter().map(|deltas| deltas.messages).sum::<u64>();
+            let hz = topic.hz + deltas.iter().map(|deltas| deltas.hz).sum::<f64>();
             let named = by_name.entry(&topic.name).or_default();
             let known = named.iter().copied().find(|&index| topics[index].schema.reads_like(&topic.schema));
             by_id.insert(topic.id, known.unwrap_or(topics.len()));
@@ -146,7 +148,7 @@ impl LogView {
     /// The channels of the log with the topic of that name, including its deltas.
     pub(crate) fn topic_ids(&self, name: &str) -> Vec<TopicId> {
         let keys = self.log.info().topics_named(name).map(|topic| topic.id);
-        keys.flat_map(|id| [Some(id), self.reassembly.deltas_of(id)]).flatten().collect()
+        keys.flat_map(|id| iter::once(id).chain(self.reassembly.deltas_of(id).iter().copied())).collect()
     }
 
     /// Shows everything up to and including `to`.

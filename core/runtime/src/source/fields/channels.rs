@@ -24,7 +24,7 @@ pub(crate) fn alike<'a>(
 ) -> Vec<Channels> {
     let mut groups: Vec<Channels> = Vec::new();
     for topic in topics.into_iter().filter(|topic| reassembly.keys_of(topic.id).is_none()) {
-        let ids = [Some(topic.id), reassembly.deltas_of(topic.id)].into_iter().flatten();
+        let ids = std::iter::once(topic.id).chain(reassembly.deltas_of(topic.id).iter().copied());
         match groups.iter_mut().find(|group| group.schema.reads_like(&topic.schema)) {
             Some(group) => {
                 group.ids.extend(ids);
