@@ -5,11 +5,29 @@ use crate::cursor::CursorOptions;
 use crate::error::LogError;
 use crate::info::{LogMessage, MessagePosition, TopicId};
 use crate::log::{Log, message_at, place_of};
+use crate::segment::Segment;
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 
 /// Greatest number of segments, and of bytes of their contents, that [`Log::times_before`] reads.
 const LOOK_BACK: (usize, u64) = (6, 32 << 20);
+
+/// Contents of segments, bytes: running sums by the times of their first and of their last messages, ascending.
+pub(crate) struct Contents {
+    by_first: Vec<(u64, u128)>,
+    by_last: Vec<(u64, u128)>,
+}
+
+impl Contents {
+    /// What a cursor reads from one position to a later one: the contents of the segments with messages in between.
+    pub(crate) fn between(&self, from: MessagePosition, to: MessagePosition) -> u64 {
+        let sum = |sums: &[(u64, u128)], count: usize| count.checked_sub(1).map_or(0, |last| sums[last].1);
+        let begun = self.by_first.partition_point(|&(first, _)| first <= to.time.0);
+        let ended = self.by_last.partition_point(|&(last, _)| last < from.time.0);
+        let bytes = sum(&self.by_first, begun).saturating_sub(sum(&self.by_last, ended));
+        u64::try_from(bytes).unwrap_or(u64::MAX)
+    }
+}
 
 impl Log {
     /// The last message at or before `time` of each of `topics`, in their order; `None` for all topics of
@@ -93,20 +111,23 @@ impl Log {
         self.cursor_after(options, place).next().transpose()
     }
 
-    /// What a cursor on these topics reads from one position to another, bytes: the uncompressed contents of the segments
-    /// that have their messages. It follows from the index alone, not from what has been read.
-    pub(crate) fn contents_between(
-        &self,
-        from: MessagePosition,
-        to: MessagePosition,
-        topics: &[TopicId],
-    ) -> u64 {
-        let segments = self.0.segments.iter().filter(|segment| {
-            let held = segment.channels.as_ref();
-            let is_between = segment.first <= to.time.0 && segment.last >= from.time.0;
-            is_between && held.is_none_or(|held| topics.iter().any(|id| held.binary_search(&id.0).is_ok()))
-        });
-        segments.fold(0_u64, |sum, segment| sum.saturating_add(segment.contents))
+    /// The contents of the segments that have messages of these topics. They follow from the index alone, not from what
+    /// has been read.
+    pub(crate) fn contents_of(&self, topics: &[TopicId]) -> Contents {
+        let sums = |order: &[u32], time: fn(&Segment) -> u64| {
+            let segments = order.iter().map(|&index| &self.0.segments[index as usize]).filter(|segment| {
+                let held = segment.channels.as_ref();
+                held.is_none_or(|held| topics.iter().any(|id| held.binary_search(&id.0).is_ok()))
+            });
+            let mut sum = 0;
+            let running = segments.map(|segment| {
+                sum += u128::from(segment.contents);
+                (time(segment), sum)
+            });
+            running.collect()
+        };
+        let by_first = sums(&self.0.by_first, |segment| segment.first);
+        Contents { by_first, by_last: sums(&self.0.by_last, |segment| segment.last) }
     }
 
     /// The last message before `before` of each group of channels. Reads segments from the latest backwards, and only

@@ -10,6 +10,7 @@
 
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
+use crate::find::Contents;
 use crate::info::{LogMessage, LogTopic, MessagePosition, TopicId};
 use crate::log::Log;
 use rcs_msg::{AnyMessage, DELTA_OF, DeltaCodec, DeltaDecoder, GRID_UPDATES, grid_decoder};
@@ -20,7 +21,7 @@ use std::collections::{BTreeMap, VecDeque};
 const REACH_BYTES: u64 = 1 << 30;
 /// A seek keeps a grid after each such part of the greatest size.
 const KEPT_PARTS: u64 = 32;
-/// Greatest size of the grids of a topic that are kept.
+/// Greatest size of all grids that are kept.
 const KEPT_BYTES: usize = 64 << 20;
 
 /// Reassembles the messages of a log's channels with deltas, read in order from the position of [`Reassembly::seek`].
@@ -38,15 +39,23 @@ struct Stream {
     keys: Vec<TopicId>,
     deltas: Vec<TopicId>,
     decoder: Box<dyn DeltaDecoder>,
-    /// Greatest size of the segments with deltas from a key frame to a delta; `None` for our own recordings, which have a
-    /// key frame every few seconds.
-    reach_bytes: Option<u64>,
+    /// How far behind its key frame a delta may lie; `None` for our own recordings, which have a key frame every few
+    /// seconds.
+    reach: Option<Reach>,
     /// Topic and position of the last key frame.
     key: Option<(TopicId, MessagePosition)>,
     /// Complete messages of earlier seeks, in no order; only where there is a reach.
     kept: VecDeque<Reassembled>,
     /// A delta was refused and has been reported: those that follow are skipped without another report.
     broken: bool,
+}
+
+/// Bound of the way from a key frame to its deltas.
+struct Reach {
+    /// Contents of the segments with deltas.
+    contents: Contents,
+    /// Greatest size of these from a key frame to a delta.
+    most_bytes: u64,
 }
 
 /// A complete message, with the header of its key frame or delta.
@@ -103,7 +112,7 @@ impl Reassembly {
     }
 
     /// Moves to `place`, as if every message up to and including it had been accepted. Returns the newest complete
-    /// message of each topic there.
+    /// message of each stream there.
     pub fn seek(&mut self, place: MessagePosition) -> Result<Vec<Reassembled>, LogError> {
         let mut newest = Vec::new();
         for index in 0..self.streams.len() {
@@ -136,7 +145,7 @@ impl Reassembly {
         };
         if !std::mem::replace(&mut stream.broken, true) {
             let name = |id| self.log.info().topic(id).map_or("", |topic| topic.name.as_str());
-            let text = if stream.reach_bytes.is_some() {
+            let text = if stream.reach.is_some() {
                 format!("{}: update at {}: {error}; {left_out}", name(stored.topic), stored.log_time)
             } else {
                 format!("{}: {error}; skipped up to the next key frame", name(stream.keys[0]))
@@ -149,16 +158,20 @@ impl Reassembly {
     /// Why a delta is too far behind its key frame, if it is.
     fn too_far(&self, index: usize, place: MessagePosition) -> Option<String> {
         let stream = &self.streams[index];
-        let most = stream.reach_bytes?;
         let (_, key) = stream.key?;
-        let bytes = self.log.contents_between(key, place, &stream.deltas);
-        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-        (bytes > most).then(|| {
-            let (got, most) = (mib(bytes), mib(most));
+        let Reach { contents, most_bytes } = stream.reach.as_ref()?;
+        let bytes = contents.between(key, place);
+        (bytes > *most_bytes).then(|| {
+            let [got, most] = [bytes, *most_bytes].map(|bytes| bytes.div_ceil(1 << 20));
             format!(
                 "updates since the whole grid lie in {got} MiB of the recording, expected at most {most} MiB"
             )
         })
+    }
+
+    /// Whether the deltas of a topic of key frames are left out at a place, because they are too far behind the last one.
+    pub fn is_out_of_reach(&self, keys: TopicId, place: MessagePosition) -> bool {
+        self.by_topic.get(&keys).is_some_and(|&index| self.too_far(index, place).is_some())
     }
 
     /// The complete message after a delta that was accepted.
@@ -190,8 +203,7 @@ impl Reassembly {
             last = kept;
         }
         let deltas = stream.deltas.clone();
-        let options = CursorOptions { topics: Some(deltas.clone()), start: key.log_time, end: place.time };
-        let part = stream.reach_bytes.map(|most| most / KEPT_PARTS);
+        let options = CursorOptions { topics: Some(deltas), start: key.log_time, end: place.time };
         let (mut accepted, mut kept_at) = (None, last.stored.place);
         for delta in self.log.cursor_after(options, last.stored.place) {
             let delta = delta?;
@@ -201,7 +213,9 @@ impl Reassembly {
             let at = delta.place;
             if self.take_delta(index, &delta) {
                 accepted = Some(delta.clone());
-                if part.is_some_and(|part| self.log.contents_between(kept_at, at, &deltas) > part) {
+                let is_far =
+                    |reach: &Reach| reach.contents.between(kept_at, at) > reach.most_bytes / KEPT_PARTS;
+                if self.streams[index].reach.as_ref().is_some_and(is_far) {
                     self.keep(index, delta);
                     kept_at = at;
                 }
@@ -216,9 +230,10 @@ impl Reassembly {
     /// Keeps the message after a delta that was accepted. Those that were kept first make room.
     fn keep(&mut self, index: usize, stored: LogMessage) {
         let Some(whole) = self.complete(index, stored) else { return };
+        let most = KEPT_BYTES / self.streams.iter().filter(|stream| stream.reach.is_some()).count().max(1);
         let kept = &mut self.streams[index].kept;
         kept.push_back(whole);
-        while kept.iter().map(|whole| whole.message.size_hint()).sum::<usize>() > KEPT_BYTES {
+        while kept.iter().map(|whole| whole.message.size_hint()).sum::<usize>() > most {
             kept.pop_front();
         }
     }
@@ -226,7 +241,7 @@ impl Reassembly {
 
 impl Stream {
     fn new(keys: Vec<TopicId>, deltas: Vec<TopicId>, decoder: Box<dyn DeltaDecoder>) -> Self {
-        Self { keys, deltas, decoder, reach_bytes: None, key: None, kept: VecDeque::new(), broken: false }
+        Self { keys, deltas, decoder, reach: None, key: None, kept: VecDeque::new(), broken: false }
     }
 
     fn topics(&self) -> impl Iterator<Item = TopicId> {
@@ -247,15 +262,17 @@ fn own_stream(log: &Log, topic: &LogTopic) -> Option<Stream> {
 fn grid_stream(log: &Log, topic: &LogTopic) -> Option<Stream> {
     let (name, info) = (topic.name.strip_suffix(GRID_UPDATES)?, log.info());
     let is_grid = |grids: &&LogTopic| grid_decoder(&grids.schema, &topic.schema).is_some();
-    let grids: Vec<&LogTopic> = info.topics_named(name).filter(is_grid).collect();
-    let first = grids.first()?;
+    let first = info.topics_named(name).find(is_grid)?;
+    let is_alike = |grids: &&LogTopic| is_grid(grids) && grids.schema.reads_like(&first.schema);
+    let grids: Vec<&LogTopic> = info.topics_named(name).filter(is_alike).collect();
     let is_update =
         |updates: &&LogTopic| updates.messages > 0 && grid_decoder(&first.schema, &updates.schema).is_some();
     let updates = info.topics_named(&topic.name).filter(is_update);
     let updates: Vec<TopicId> = updates.map(|updates| updates.id).collect();
     let decoder = grid_decoder(&first.schema, &topic.schema).filter(|_| !updates.is_empty())?;
+    let reach = Some(Reach { contents: log.contents_of(&updates), most_bytes: REACH_BYTES });
     let stream = Stream::new(grids.iter().map(|grids| grids.id).collect(), updates, decoder);
-    Some(Stream { reach_bytes: Some(REACH_BYTES), ..stream })
+    Some(Stream { reach, ..stream })
 }
 
 impl std::fmt::Debug for Reassembly {

@@ -66,7 +66,7 @@ fn drive() -> Log {
 
 fn reassembly(log: &Log, reach_bytes: u64) -> Reassembly {
     let mut reassembly = Reassembly::new(log);
-    reassembly.streams[0].reach_bytes = Some(reach_bytes);
+    reassembly.streams[0].reach.as_mut().unwrap().most_bytes = reach_bytes;
     reassembly
 }
 
@@ -155,4 +155,26 @@ fn an_update_belongs_to_the_last_grid_of_its_topic_whichever_channel_has_it() {
     let (grids, updates) = (ids("/costmap"), ids("/costmap_updates"));
     assert_eq!((reassembly.deltas_of(grids[0]), reassembly.deltas_of(grids[1])), (&updates[..], &[][..]));
     assert_eq!((reassembly.keys_of(updates[1]), reassembly.keys_of(grids[0])), (Some(grids[0]), None));
+}
+
+#[test]
+fn what_lies_between_two_positions_is_the_sum_of_the_segments_with_messages_there() {
+    let log = drive();
+    let updates: Vec<TopicId> = log.info().topics_named("/costmap_updates").map(|topic| topic.id).collect();
+    let contents = log.contents_of(&updates);
+    let at = |time: u64| MessagePosition::before(Stamp(time));
+    let reference = |from: u64, to: u64| {
+        let held = |channels: &[u16]| updates.iter().any(|id| channels.contains(&id.0));
+        let segments = log.0.segments.iter().filter(|segment| {
+            let is_held = segment.channels.as_ref().is_none_or(|channels| held(channels));
+            is_held && segment.first <= to && segment.last >= from
+        });
+        segments.map(|segment| segment.contents).sum::<u64>()
+    };
+    for from in (0..=COUNT + 2).step_by(3) {
+        for to in (from..=COUNT + 2).step_by(5) {
+            assert_eq!(contents.between(at(from), at(to)), reference(from, to), "{from} to {to}");
+        }
+    }
+    assert!(reference(0, COUNT + 2) > reference(0, 1));
 }

@@ -74,6 +74,7 @@ pub struct Digest {
 /// Hashes the messages of one buffer without encoding them.
 pub trait Digester: Send {
     /// The digest of a message. It follows from the content of the message alone; what has not changed since the message
-    /// before is not hashed again. `None` for a message that is not of the codec's own Rust type: its bytes identify it.
+    /// before is not hashed again. A message that comes back encoded, as from a snapshot, has the same digest. `None` for
+    /// one that cannot be of the codec's own Rust type: its bytes identify it.
     fn digest(&mut self, message: &AnyMessage) -> Option<Digest>;
 }

@@ -71,7 +71,11 @@ fn hashes_of_grid(grid: &Grid) -> Option<Vec<Hash>> {
     let half = (side / 2) as i64;
     cells.set_centre(CellIndex::new(west, south).offset(half, half));
     let is_at_corner = cells.bounds().south_west == CellIndex::new(west, south);
-    if !is_at_corner || grid.row_stride as usize != side * stride || grid.data.len() != side * side * stride {
+    if stride == 0
+        || !is_at_corner
+        || grid.row_stride as usize != side * stride
+        || grid.data.len() != side * side * stride
+    {
         return None;
     }
     let mut bytes = Vec::new();

@@ -136,4 +136,5 @@ fn a_grid_that_is_not_one_of_our_maps_has_no_digest() {
     check(|grid| grid.row_stride += 4, false);
     check(|grid| grid.data = grid.data.slice(1..), false);
     check(|grid| grid.column_count = u32::MAX, false);
+    check(|grid| (grid.cell_stride, grid.row_stride, grid.data) = (0, 0, bytes::Bytes::new()), false);
 }

@@ -150,7 +150,12 @@ pub(crate) fn copy(log: &Log, from: Stamp, to: Stamp, writer: &mut LogWriter) ->
         }
     }
     // A delta applies to the message before it, so each map begins complete.
-    for map in reassembly.seek(MessagePosition::before(from))? {
+    let start = MessagePosition::before(from);
+    for map in reassembly.seek(start)? {
+        // Those of the range would apply to it as if none before them were missing.
+        if reassembly.is_out_of_reach(map.topic, start) {
+            continue;
+        }
         channels.write(writer, map.topic, &map.stored, from, &map.message.bytes())?;
         cut.carried += 1;
     }

@@ -269,7 +269,9 @@ impl Details {
             return;
         };
         let drafts = &mut cx.selection.drafts.commands;
-        let draft = drafts.remove(&key).unwrap_or_else(|| CommandDraft { params: made.clone(), sent: None });
+        let is_of_command = |draft: &CommandDraft| draft.params.schema().name() == made.schema().name();
+        let draft = drafts.remove(&key).filter(is_of_command);
+        let draft = draft.unwrap_or_else(|| CommandDraft { params: made.clone(), sent: None });
         let CommandDraft { mut params, mut sent } = draft;
         let before = sent.as_ref().unwrap_or(&made).bytes();
         let value = params.value().unwrap_or(rcs_msg::Value::Null);

@@ -230,11 +230,11 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_is_killed_leaves_nothing_behind() {
+    fn the_files_have_no_names() {
         let root = tempfile::tempdir().unwrap();
         let disk = Disk::new(root.path().to_owned(), 1 << 20);
         let piece = disk.write(b"alive").unwrap();
-        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0, "the files have no names");
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
         assert_eq!(piece.read().unwrap(), b"alive");
     }
 

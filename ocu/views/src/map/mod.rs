@@ -207,8 +207,8 @@ impl View for Map {
             self.panel(ui, cx.frame, map, &layers, panel);
         }
         self.canvas(ui, cx, map, &layers, canvas, panel_width > 0.0);
-        self.give_draft_back(cx, map);
         self.give_example_back(cx, map);
+        self.give_draft_back(cx, map);
         ui.advance_cursor_after_rect(area);
     }
 }

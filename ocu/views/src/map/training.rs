@@ -39,6 +39,9 @@ impl Map {
     pub(super) fn give_example_back(&mut self, cx: &mut ViewContext<'_>, map: &str) {
         if let Some(example) = self.example.take() {
             cx.selection.drafts.examples.entry(map.to_owned()).or_insert(example);
+        } else if self.draft.is_some() {
+            // A mission that is being drawn discards it, also where it was not taken.
+            cx.selection.drafts.examples.remove(map);
         }
     }
 
