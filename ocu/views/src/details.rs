@@ -199,7 +199,7 @@ fn last_command(ui: &mut Ui, frame: &Frame, process: &ProcessInfo) {
         line("age", topic.age_s(frame.now).map(format::age).unwrap_or_default());
         if let Some(Ok(value)) = parameters.map(|message| message.value()) {
             for (path, value) in value.leaves() {
-                if let Some(text) = crate::edit::text_of(value) {
+                if let Some(text) = crate::edit::text::text_of(value) {
                     line(path.to_string().trim_start_matches('.'), text);
                 }
             }

@@ -8,6 +8,7 @@
 //! is shown as the source's error.
 
 pub(crate) mod draft;
+pub(crate) mod text;
 
 use crate::view::ViewContext;
 use draft::{Draft, Sent};
@@ -19,6 +20,7 @@ use rcs_msg::{AnyMessage, FieldPath, Value};
 use rcs_runtime::source::{Control, Frame, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use text::text_of;
 
 /// How the changes take effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,20 +95,6 @@ fn request(frame: &Frame, request: Override) -> Option<Control> {
     let topic = frame.topics_of_type("rcs.Override").find(|topic| !topic.run.is_recorded())?;
     let request = Override { timestamp: Some(frame.now.to_proto()), ..request };
     Some(Control::Write { buffer: topic.name.to_string(), message: AnyMessage::new(request) })
-}
-
-/// A plain value as the text in which it is edited; `None` for others.
-pub(crate) fn text_of(value: &Value) -> Option<String> {
-    Some(match value {
-        Value::Bool(on) => on.to_string(),
-        Value::Int(number) => number.to_string(),
-        Value::Uint(number) => number.to_string(),
-        Value::Float(number) => number.to_string(),
-        Value::Text(text) => text.clone(),
-        Value::Enum { name, number } if name.is_empty() => number.to_string(),
-        Value::Enum { name, .. } => name.clone(),
-        _ => return None,
-    })
 }
 
 /// The value that a text means in place of an old one.

@@ -9,7 +9,8 @@ mod flash;
 mod rows;
 
 use crate::edit::draft::Draft;
-use crate::edit::{overrides, refusal, text_of};
+use crate::edit::text::text_of;
+use crate::edit::{overrides, refusal};
 use crate::origin::Origin;
 use crate::prepare::{Same, prepared};
 use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, rate_hz, run_beside};

@@ -1,6 +1,6 @@
 //! One row per parameter: its name, a control of its type with unit and range, and a way back to the default.
 
-use super::draft::text_of;
+use crate::edit::text::text_of;
 use egui::emath::{format_with_decimals_in_range, round_to_decimals};
 use egui::{
     Align, DragValue, Layout, Response, RichText, Role, Slider, SliderClamping, Ui, Vec2, WidgetInfo,

@@ -1,5 +1,6 @@
 //! Edited parameters of one process: the changes that were not sent, what was sent, and the kept sets A and B.
 
+use crate::edit::text::text_of;
 use rcs_msg::params::{ParamSpec, specs, with_params};
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value, rcs};
 use std::collections::BTreeMap;
@@ -189,19 +190,6 @@ fn same(value: &Value, text: &str) -> bool {
         (Some(a), Ok(b)) => a == b,
         _ => text_of(value).is_some_and(|value| value == text),
     }
-}
-
-/// A plain value as text that is read back as the same value; `None` for others.
-pub(super) fn text_of(value: &Value) -> Option<String> {
-    Some(match value {
-        Value::Bool(on) => on.to_string(),
-        Value::Int(number) => number.to_string(),
-        Value::Uint(number) => number.to_string(),
-        Value::Float(number) => number.to_string(),
-        Value::Text(text) => text.clone(),
-        Value::Enum { name, .. } => name.clone(),
-        _ => return None,
-    })
 }
 
 #[cfg(test)]
