@@ -107,6 +107,8 @@ pub struct TransformTree {
     links: BTreeMap<String, Link>,
     /// How long samples are kept, counted back from the newest of the same transform; `None` keeps all.
     history_ns: Option<u64>,
+    /// By child frame: the last sample, where it was older than the newest by more than the history.
+    old: BTreeMap<String, (u64, Pose)>,
 }
 
 impl TransformTree {
@@ -117,7 +119,7 @@ impl TransformTree {
 
     /// Keeps the samples of the last `history_ns` of each transform (and the one before, to interpolate from).
     pub fn with_history_ns(history_ns: u64) -> TransformTree {
-        TransformTree { links: BTreeMap::new(), history_ns: Some(history_ns) }
+        TransformTree { history_ns: Some(history_ns), ..TransformTree::default() }
     }
 
     /// Sets the pose of `child` in `parent` for all times; replaces earlier values of that pair.
@@ -148,6 +150,9 @@ impl TransformTree {
     /// As [`TransformTree::insert`], for a sample that arrives at `now_ns`. If it is not from the future, the samples of the
     /// same transform that are later than `now_ns` are forgotten: a clock was wrong. By them, what arrives until that time
     /// would be too old to keep, and none of it too old to use.
+    ///
+    /// One sample that is older than the newest by more than the history that is kept is late. Two in a row, the second later
+    /// than the first, replace all others: the clock has begun again.
     pub fn insert_as_of(
         &mut self,
         parent: &str,
@@ -162,6 +167,15 @@ impl TransformTree {
             let samples = Arc::make_mut(samples);
             while time_ns <= now_ns && samples.back().is_some_and(|&(t, _)| t > now_ns) {
                 samples.pop_back();
+            }
+            let newest_ns = samples.back().map_or(0, |&(t, _)| t);
+            let is_old = history_ns.is_some_and(|history_ns| time_ns.saturating_add(history_ns) < newest_ns);
+            let before = self.old.remove(child);
+            if is_old {
+                self.old.insert(child.to_owned(), (time_ns, parent_from_child));
+                if let Some(before) = before.filter(|&(t, _)| t < time_ns) {
+                    *samples = VecDeque::from([before]);
+                }
             }
             let at = samples.partition_point(|&(t, _)| t < time_ns);
             match samples.get_mut(at) {
@@ -203,7 +217,7 @@ impl TransformTree {
             };
             Some((child.clone(), Link { parent: link.parent.clone(), edge: Edge::Static(pose) }))
         });
-        TransformTree { links: lasting.collect(), history_ns: None }
+        TransformTree { links: lasting.collect(), ..TransformTree::default() }
     }
 
     /// Inverts the transforms above a frame, so that it becomes the root of its tree. Poses at the times of samples stay

@@ -144,6 +144,37 @@ fn a_sample_from_the_future_is_forgotten_when_the_next_one_arrives_that_is_not()
 }
 
 #[test]
+fn samples_of_a_clock_that_begins_again_are_kept_and_a_late_one_forgets_nothing() {
+    let mut tree = TransformTree::with_history_ns(10);
+    let mut now = 1000;
+    let mut insert = |tree: &mut TransformTree, time: u64| {
+        now += 1;
+        tree.insert_as_of("local", "vehicle", time, translated(time as f64), now).unwrap();
+    };
+    let is_at = |tree: &TransformTree, time: u64| {
+        near(&tree.lookup("local", "vehicle", time).unwrap(), &translated(time as f64))
+    };
+    for time in 480..=500 {
+        insert(&mut tree, time);
+    }
+    for late in [100, 101] {
+        insert(&mut tree, late);
+        assert!(is_at(&tree, 495) && tree.newest("local", "vehicle") == Ok(Some(500 + late - 100)));
+        insert(&mut tree, 401 + late);
+    }
+    // The same one twice is late twice.
+    for late in [100, 100] {
+        insert(&mut tree, late);
+    }
+    assert!(is_at(&tree, 495));
+    for time in [503, 1, 3, 5] {
+        insert(&mut tree, time);
+    }
+    assert_eq!(tree.newest("local", "vehicle"), Ok(Some(5)));
+    assert!([1, 2, 4, 5].into_iter().all(|time| is_at(&tree, time)));
+}
+
+#[test]
 fn a_snapshot_is_not_changed_by_later_samples() {
     let mut tree = tree();
     let snapshot = tree.clone();

@@ -112,10 +112,12 @@ fn an_image_shares_its_pixels_with_the_message() {
 }
 
 #[test]
-fn compressed_formats_become_one_word_and_depth_a_png() {
+fn compressed_formats_become_one_word_but_for_grey_of_16_bits_and_depth_becomes_a_png() {
     for (format, data, expect, kept) in [
         ("rgb8; jpeg compressed bgr8", vec![1; 20], "jpeg", 20),
         ("png", vec![1; 20], "png", 20),
+        ("mono8; png compressed", vec![1; 20], "png", 20),
+        ("mono16; png compressed", vec![1; 20], "mono16; png compressed", 20),
         ("16UC1; compressedDepth png", vec![1; 20], "png", 8),
         ("32FC1; compressedDepth png", vec![1; 20], "32FC1; compressedDepth png", 20),
     ] {

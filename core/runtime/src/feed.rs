@@ -6,9 +6,9 @@ use crate::history::LogRef;
 use crate::machine::Machine;
 use rcs_bus::{Draft, Header, Writer, WriterId};
 use rcs_log::{Cursor, CursorOptions, Gap, Log, LogMessage, Position, Reassembly, TopicId};
-use rcs_msg::foxglove::CompressedImage;
+use rcs_msg::foxglove::{CompressedImage, FrameTransforms};
 use rcs_msg::{AnyMessage, Stamp};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Reads the topics of a stack's inputs and writes their messages into its buffers.
 pub(crate) struct Feed {
@@ -85,7 +85,8 @@ impl Feed {
         time.after_ns((gap.to.0 - time.0).div_ceil(period_ns).saturating_mul(period_ns))
     }
 
-    /// Feeds the messages that are valid for the whole log.
+    /// Feeds the messages that are valid for the whole log. Static transforms are added to those that were fed before, so
+    /// that the newest message of a buffer has all of them.
     pub(crate) fn give_fixed(&mut self, at: Stamp) -> Vec<FeedFault> {
         let fixed = std::mem::take(&mut self.fixed);
         fixed.iter().filter_map(|message| self.give(message, at, true).err()).collect()
@@ -137,7 +138,10 @@ impl Feed {
         // A stamp of exactly 0 counts as none; `acquisition_time` says why.
         let acq_time = acquisition_time(&message_out, message.publish_time, message.log_time);
         for (writer, decoded) in self.writers.get(&id).into_iter().flatten() {
-            let before = writer.buffer().latest().filter(|_| !is_fixed);
+            let newest = writer.buffer().latest();
+            let fixed = newest.as_ref().filter(|_| is_fixed);
+            let all = fixed.and_then(|fixed| joined(&fixed.message, &message_out));
+            let before = newest.filter(|_| !is_fixed);
             check_time(before.map(|sample| sample.header), acq_time, at)
                 .map_err(|why| fault(format!("{}: {why}; skipped", topic.name)))?;
             let message = match message_out.get::<CompressedImage>().filter(|_| *decoded) {
@@ -145,7 +149,7 @@ impl Feed {
                     rcs_msg::image::decompress(image)
                         .map_err(|error| fault(format!("{}: {error}; skipped", topic.name)))?,
                 ),
-                None => message_out.clone(),
+                None => all.unwrap_or_else(|| message_out.clone()),
             };
             let draft = Draft { log_time: at, acq_time, message };
             writer.write(draft).map_err(|error| fault(error.to_string()))?;
@@ -175,6 +179,20 @@ impl Feed {
         self.pending = None;
         self.is_behind = true;
     }
+}
+
+/// The transforms of a message with those of the one before it for the frames that it does not place; `None` if it places
+/// all of them.
+fn joined(before: &AnyMessage, message: &AnyMessage) -> Option<AnyMessage> {
+    let (before, new) = (before.get::<FrameTransforms>()?, message.get::<FrameTransforms>()?);
+    let placed: BTreeSet<&str> = new.transforms.iter().map(|new| new.child_frame_id.as_str()).collect();
+    let others = before.transforms.iter().filter(|other| !placed.contains(other.child_frame_id.as_str()));
+    let mut transforms: Vec<_> = others.cloned().collect();
+    if transforms.is_empty() {
+        return None;
+    }
+    transforms.extend_from_slice(&new.transforms);
+    Some(AnyMessage::new(FrameTransforms { transforms }))
 }
 
 /// Refuses a message whose time lies farther ahead of the log's clock than that of the one before it. Taken for the

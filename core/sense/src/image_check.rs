@@ -1,5 +1,5 @@
-//! Checks whether an image is usable: it decodes, has the size of its calibration, is exposed, and differs from the
-//! previous one.
+//! Checks whether an image is usable: it is no depth, decodes, has the size of its calibration, is exposed, and differs from
+//! the previous one.
 //!
 //! A pixel counts as black or saturated by its grey level (BT.601 luma). An image is refused if too few of its pixels
 //! are neither; the default limit is low, because half of an image may be an overexposed sky or deep shade. An image
@@ -16,6 +16,12 @@ pub enum ImageFault {
     /// It does not decode.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// It has the encoding of depth. Decoding would stretch its grey levels, each image by itself.
+    #[error("encoding {got:?} is depth, expected that of a camera, such as rgb8, mono8 or mono16")]
+    Depth {
+        /// Encoding of the image.
+        got: String,
+    },
     /// Its size differs from that of its calibration, or of the other image of the pair.
     #[error("{what} has {got:?} pixels, {of} is for {expected:?}")]
     Size {
@@ -66,6 +72,9 @@ impl ImageCheck {
         let is_frozen = self.last.replace(print) == Some(print);
         if let Some(expected) = size {
             check_size("image", image, "its calibration", expected)?;
+        }
+        if matches!(image.encoding.as_str(), "16UC1" | "32FC1" | "64FC1") {
+            return Err(ImageFault::Depth { got: image.encoding.clone() });
         }
         let rgb = raw_to_rgb8(image)?.data;
         check_exposure(&rgb, &rules)?;

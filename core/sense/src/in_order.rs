@@ -3,6 +3,9 @@
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
+/// A clock whose times go back by more than this has begun again, s; by less, a message is late.
+const BEGINS_AGAIN_S: f64 = 10.0;
+
 /// Refuses messages that come twice or late: they would be counted twice, or replace newer ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InOrder {
@@ -12,9 +15,14 @@ pub struct InOrder {
 impl InOrder {
     /// Takes the time of a message. If it is not newer than the one before, returns by how much it is older, s. A time from
     /// the future does not make others older, which would all be refused until the clock is there, but does not count twice.
+    /// Of a clock that has begun again, only the first message is refused.
     pub fn take(&mut self, time: Stamp, now: Stamp) -> Result<(), f64> {
         if let Some(last) = self.last.filter(|&last| last == time || (time..=now).contains(&last)) {
-            return Err(last.seconds_since(time));
+            let late_s = last.seconds_since(time);
+            if late_s > BEGINS_AGAIN_S {
+                self.last = Some(time);
+            }
+            return Err(late_s);
         }
         self.last = Some(time);
         Ok(())
@@ -69,6 +77,17 @@ mod tests {
         assert_eq!(take(3600, 12), Ok(()));
         assert_eq!(take(12, 13), Ok(()));
         assert_eq!(take(11, 13), Err(1.0));
+    }
+
+    #[test]
+    fn of_a_clock_that_begins_again_one_message_is_refused_and_one_late_message_makes_no_other_late() {
+        let ms = |ms: u64| Stamp(ms * 1_000_000);
+        let mut order = InOrder::default();
+        let mut is_taken = |time_ms: u64| order.take(ms(time_ms), ms(900_000)).is_ok();
+        let begins_again = [500_000, 1_000, 1_100, 1_200, 1_150].map(&mut is_taken);
+        assert_eq!(begins_again, [true, false, true, true, false]);
+        let one_is_late = [500_000, 1_300, 500_100, 500_050].map(is_taken);
+        assert_eq!(one_is_late, [true, false, true, false]);
     }
 
     #[test]

@@ -97,14 +97,16 @@ impl Localizer {
         Ok(self.tree.insert_as_of(&message.frame_id, STREAM, time.0, pose, now.0)?)
     }
 
-    /// Adds transforms at their times, which arrive at `now`. Those that are not from the future replace those that are.
-    /// Those that are refused do not keep out the others; the first error is returned.
+    /// Adds transforms at their times, which arrive at `now`; those without a time (none, or 0) at `time`, that of the
+    /// message. Those that are not from the future replace those that are. Those that are refused do not keep out the others;
+    /// the first error is returned.
     pub fn add_transforms(
         &mut self,
         message: &foxglove::FrameTransforms,
+        time: Stamp,
         now: Stamp,
     ) -> Result<(), LocalizerError> {
-        self.add_each(message, Some(now))
+        self.add_each(message, Some((time, now)))
     }
 
     /// Adds transforms that hold at all times. Those that are refused do not keep out the others; the first error is
@@ -116,20 +118,23 @@ impl Localizer {
         self.add_each(message, None)
     }
 
-    /// Adds each transform of a message at its time, or as a static one without `now`.
+    /// Adds each transform of a message at its time, or as a static one without the time and the arrival of the message.
     fn add_each(
         &mut self,
         message: &foxglove::FrameTransforms,
-        now: Option<Stamp>,
+        came: Option<(Stamp, Stamp)>,
     ) -> Result<(), LocalizerError> {
         let mut result = Ok(());
         for transform in &message.transforms {
             let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
             let pose = parts(transform.translation.as_ref(), transform.rotation.as_ref(), child);
             let added = pose.and_then(|pose| {
-                let added = match now {
+                let added = match came {
                     None => self.tree.set_static(parent, child, pose),
-                    Some(now) => self.tree.insert_as_of(parent, child, time_of(transform).0, pose, now.0),
+                    Some((time, now)) => {
+                        let time = stated_time(transform).unwrap_or(time);
+                        self.tree.insert_as_of(parent, child, time.0, pose, now.0)
+                    }
                 };
                 added.map_err(LocalizerError::from)
             });
@@ -195,9 +200,9 @@ impl Localizer {
     }
 }
 
-/// Time of a transform; 0 if it has none.
-fn time_of(transform: &foxglove::FrameTransform) -> Stamp {
-    transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or_default()
+/// Time that a transform states; 0 counts as none.
+fn stated_time(transform: &foxglove::FrameTransform) -> Option<Stamp> {
+    transform.timestamp.as_ref().and_then(Stamp::from_proto).filter(|time| time.0 != 0)
 }
 
 /// The pose of a message, checked.
@@ -347,9 +352,25 @@ mod tests {
         };
         let (mut fixed, mut timed) = (Localizer::default(), Localizer::default());
         of_length_0(fixed.add_static_transforms(&message));
-        of_length_0(timed.add_transforms(&message, Stamp(7)));
+        of_length_0(timed.add_transforms(&message, Stamp(0), Stamp(7)));
         assert!(fixed.lookup("base", "lidar", Stamp(9), 0.0).is_ok());
         assert!(timed.lookup("base", "lidar", Stamp(0), 0.0).is_ok());
+    }
+
+    #[test]
+    fn a_transform_without_a_time_counts_at_that_of_its_message() {
+        let ms = |ms: u64| Stamp(ms * 1_000_000);
+        for timestamp in [None, Some(Stamp(0).to_proto())] {
+            let mut message = mount();
+            message.transforms[0].timestamp = timestamp;
+            let mut localizer = Localizer::default();
+            localizer.add_transforms(&message, ms(5_000), ms(5_010)).unwrap();
+            assert!(localizer.lookup("base", "lidar", ms(5_100), 0.5).is_ok());
+            message.transforms[0].timestamp = Some(ms(5_200).to_proto());
+            localizer.add_transforms(&message, ms(5_300), ms(5_310)).unwrap();
+            let newest = localizer.lookup("base", "lidar", ms(5_300), 0.05);
+            assert!(matches!(newest, Err(LocalizerError::Stale { .. })), "its own time counts: {newest:?}");
+        }
     }
 
     #[test]

@@ -35,15 +35,15 @@ impl PosePorts {
         while let Some(message) = cx.read(&self.static_transforms) {
             report(cx, localizer.add_static_transforms(&message));
         }
-        // After `INIT` the localizer is empty, and static transforms may be sent only once. Of several messages, only the
-        // newest can be read again. What is refused in it has been reported before.
+        // After `INIT` the localizer is empty, and static transforms may be sent only once. Of several messages of a process,
+        // only the newest can be read again; that of a log has all of them. What is refused in it has been reported before.
         if localizer.is_empty()
             && let Some(message) = cx.latest(&self.static_transforms)
         {
             let _ = localizer.add_static_transforms(&message);
         }
         while let Some(message) = cx.read(&self.transforms) {
-            report(cx, localizer.add_transforms(&message, now));
+            report(cx, localizer.add_transforms(&message, message.acq_time(), now));
         }
         while let Some(message) = cx.read(&self.odometry) {
             report(cx, localizer.add_odometry(&message, message.acq_time(), names, now));

@@ -4,9 +4,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_msg::foxglove::{CameraCalibration, Odometry, RawImage};
-use rcs_msg::{Stamp, rcs};
+use rcs_msg::{AnyMessage, Stamp, rcs};
 use rcs_plugins::all;
-use rcs_runtime::{Asset, Assets, RunOptions};
+use rcs_runtime::{Asset, Assets, ExternalEvent, RunOptions};
 use rcs_sense::pose_of;
 use rcs_testkit::bench::{Bench, Setup};
 
@@ -155,8 +155,8 @@ fn images_tell_the_motion_of_a_vehicle_whose_wheels_slip() {
     assert!((local_m - true_m).abs() < 0.3, "{local_m:.2} m instead of {true_m:.2} m");
 }
 
-#[test]
-fn images_that_cannot_be_used_are_faults_and_tell_nothing() {
+/// `visual_motion` alone, on a vehicle that stands.
+fn standing() -> Bench {
     let begin = STACK.find("[[process]]\nname = \"visual_motion\"").unwrap();
     let process = &STACK[begin..STACK.find("[buffers.").unwrap()];
     let mount = "mount = { fixed = true, height_m = 1.0, pitch_deg = 20.0 }";
@@ -168,7 +168,18 @@ fn images_that_cannot_be_used_are_faults_and_tell_nothing() {
             "",
         )
         .replace("/stereo/", "/operator/");
-    let mut bench = Setup::new(&stack, all()).bench();
+    Setup::new(&stack, all()).bench()
+}
+
+/// Of a camera with 64×48 pixels.
+fn calibration() -> CameraCalibration {
+    let k = vec![60.0, 0.0, 31.5, 0.0, 60.0, 23.5, 0.0, 0.0, 1.0];
+    CameraCalibration { width: 64, height: 48, k, d: vec![], ..CameraCalibration::default() }
+}
+
+#[test]
+fn images_that_cannot_be_used_are_faults_and_tell_nothing() {
+    let mut bench = standing();
     let mut give = |width: u32, encoding: &str, calibrated: bool| {
         let timestamp = Some(Stamp(bench.now_ms * 1_000_000).to_proto());
         let image = |encoding: &str, bytes: usize| RawImage {
@@ -181,10 +192,7 @@ fn images_that_cannot_be_used_are_faults_and_tell_nothing() {
             ..RawImage::default()
         };
         if calibrated {
-            let k = vec![60.0, 0.0, 31.5, 0.0, 60.0, 23.5, 0.0, 0.0, 1.0];
-            let calibration =
-                CameraCalibration { width: 64, height: 48, k, d: vec![], ..CameraCalibration::default() };
-            bench.write("/operator/calibration", calibration);
+            bench.write("/operator/calibration", calibration());
         }
         bench.write("/operator/rectified", image("mono8", 1));
         bench.write("/operator/depth", image(encoding, 2));
@@ -207,4 +215,44 @@ fn images_that_cannot_be_used_are_faults_and_tell_nothing() {
         let ((faults, last), sent) = give(64, "16UC1", true);
         assert_eq!((faults, sent), (3, 0), "an even grey tells nothing: {last}");
     }
+}
+
+#[test]
+fn an_image_that_comes_later_than_its_depth_tells_the_motion_and_one_that_never_comes_is_a_fault_once() {
+    let mut bench = standing();
+    let image = |encoding: &str, data: Vec<u8>| {
+        let (width, height, step) = (64, 48, data.len() as u32 / 48);
+        let (encoding, data) = (encoding.to_owned(), data.into());
+        AnyMessage::new(RawImage { width, height, step, encoding, data, ..RawImage::default() })
+    };
+    let noise = (0..64 * 48_u32).map(|pixel| {
+        let hash = pixel.wrapping_mul(0x9e37_79b1);
+        ((hash ^ (hash >> 15)).wrapping_mul(0x2c1b_3c6d) >> 24) as u8
+    });
+    let grey = image("mono8", noise.collect());
+    let depth = image("16UC1", 2000_u16.to_le_bytes().repeat(64 * 48));
+    let sense = |bench: &mut Bench, buffer: &str, time_ms: u64, message: &AnyMessage| {
+        let event = ExternalEvent::sensed(buffer, Stamp(time_ms * 1_000_000), message.clone());
+        bench.session.write(event).unwrap();
+    };
+    bench.write("/operator/calibration", calibration());
+    bench.advance(100);
+    for _ in 0..3 {
+        let time_ms = bench.now_ms;
+        sense(&mut bench, "/operator/depth", time_ms, &depth);
+        bench.advance(50);
+        sense(&mut bench, "/operator/rectified", time_ms + 1, &grey);
+        bench.advance(50);
+    }
+    assert_eq!(bench.faults("visual_motion"), (0, String::new()));
+    assert_eq!(bench.sent("/visual_motion/motion"), 2);
+    let motion: rcs::VisualMotion = bench.latest("/visual_motion/motion");
+    assert!(motion.forward_m.abs() < 0.006 && motion.left_m.abs() < 0.006, "{motion:?}");
+    for _ in 0..30 {
+        let time_ms = bench.now_ms;
+        sense(&mut bench, "/operator/depth", time_ms, &depth);
+        bench.advance(100);
+    }
+    let (faults, last) = bench.faults("visual_motion");
+    assert!(faults == 1 && last.contains("s apart, expected at most 0.002 s"), "{faults} {last}");
 }

@@ -42,8 +42,8 @@
 //! for posts a third of that.
 //!
 //! Unusable data are reported as a fault and skipped: nothing is learned from them and nothing is sent. Such data are
-//! an image without calibration, of another size than its calibration, black, saturated, of an unknown encoding, equal
-//! to the previous one or older than it, and an image at a time without a pose.
+//! an image without calibration, of another size than its calibration, black, saturated, of an unknown encoding or one of
+//! depth, equal to the previous one or older than it, and an image at a time without a pose.
 //!
 //! # Example
 //!

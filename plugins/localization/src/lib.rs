@@ -44,8 +44,9 @@
 //! and no distance.
 //!
 //! Images without calibration, of another size than it or not rectified, of an unknown encoding, or at a time without a pose
-//! are faults and are skipped. Nothing is sent, and that is no fault, where ground without texture, or with a pattern that
-//! repeats itself, does not tell the motion.
+//! are faults and are skipped. An image may come later than its depth, and their times may differ by 2 ms; when no depth has
+//! had its image for 1 s, that is a fault once. Nothing is sent, and that is no fault, where ground without texture, or with
+//! a pattern that repeats itself, does not tell the motion.
 //!
 //! # Where to begin
 //!

@@ -16,13 +16,19 @@ use serde::{Deserialize, Serialize};
 
 /// Images that are farther apart in time show too little of the same, s.
 const LONGEST_S: f64 = 0.6;
+/// An image and a depth whose times differ by at most this belong together, s.
+const SAME_S: f64 = 0.002;
+/// When no depth has had its image for this long, that is a fault, s.
+const LONGEST_WAIT_S: f64 = 1.0;
 
-/// State: the poses of the last seconds, the camera, and the points of the image before.
+/// State: the poses of the last seconds, the camera, the points of the image before, and whether a depth waits for its image.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct VisualMotion {
     localizer: Localizer,
     camera: Option<PinholeCamera>,
     before: Option<Before>,
+    /// While the newest depth has had no image.
+    waiting: Option<Waiting>,
 }
 
 /// What the image before showed, and how the vehicle stood.
@@ -31,6 +37,14 @@ struct Before {
     time: Stamp,
     points: Vec<Point>,
     local_from_vehicle: Pose,
+}
+
+/// Depths without an image, one or several in a row.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Waiting {
+    /// When the first of them was read.
+    since: Stamp,
+    is_told: bool,
 }
 
 /// Ports of [`VisualMotion`].
@@ -46,6 +60,10 @@ pub struct Ports {
 /// Why an image was skipped.
 #[derive(Debug, thiserror::Error)]
 enum Unusable {
+    #[error("no image has come")]
+    NoImage,
+    #[error("the newest image and depth are {apart_s:.3} s apart, expected at most {SAME_S} s")]
+    Apart { apart_s: f64 },
     #[error("no calibration")]
     NoCalibration,
     #[error("calibration: {0}")]
@@ -101,14 +119,17 @@ impl Process for VisualMotion {
                 }
             };
         }
-        // Depth is computed from the image, so it comes with it or later.
-        let Some(depth) = cx.read_newest(&ports.depth) else {
+        // An image may come later than its depth: while it waits, the depth that was read is looked at again.
+        let is_new = cx.read_newest(&ports.depth).is_some();
+        let depth = cx.latest(&ports.depth).filter(|_| is_new || self.waiting.is_some());
+        let Some(depth) = depth else {
             return cx.exec("waits for depth");
         };
-        let image = cx.latest(&ports.image).filter(|image| image.acq_time() == depth.acq_time());
-        let Some(image) = image else {
-            return cx.exec("waits for the image of the depth");
+        let image = match image_of(cx.latest(&ports.image), &depth) {
+            Ok(image) => image,
+            Err(error) => return self.wait(&error, cx),
         };
+        self.waiting = None;
         match self.see(&image, &depth, params, extrinsics) {
             Ok(Some(motion)) => {
                 cx.write(&ports.motion, depth.acq_time(), motion);
@@ -123,7 +144,25 @@ impl Process for VisualMotion {
     }
 }
 
+/// The newest image, if it belongs to a depth.
+fn image_of(newest: Option<Msg<RawImage>>, depth: &Msg<RawImage>) -> Result<Msg<RawImage>, Unusable> {
+    let image = newest.ok_or(Unusable::NoImage)?;
+    let apart_s = image.acq_time().0.abs_diff(depth.acq_time().0) as f64 * 1e-9;
+    if apart_s <= SAME_S { Ok(image) } else { Err(Unusable::Apart { apart_s }) }
+}
+
 impl VisualMotion {
+    /// Waits for the image of the newest depth, and reports once why there is none.
+    fn wait(&mut self, error: &Unusable, cx: &mut Cycle<'_>) {
+        let now = cx.now();
+        let waiting = self.waiting.get_or_insert(Waiting { since: now, is_told: false });
+        if !waiting.is_told && now.seconds_since(waiting.since) > LONGEST_WAIT_S {
+            waiting.is_told = true;
+            cx.fault(format!("{error}; depths of {LONGEST_WAIT_S} s skipped"));
+        }
+        cx.exec("waits for the image of the depth");
+    }
+
     /// The motion since the image before, if both tell it.
     fn see(
         &mut self,

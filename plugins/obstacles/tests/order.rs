@@ -9,10 +9,11 @@ use rcs_msg::foxglove::{
     Quaternion, Vector3,
 };
 use rcs_msg::rcs::Command;
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_msg::{AnyMessage, Stamp, schema_of};
 use rcs_obstacles::Obstacles;
 use rcs_runtime::{ExternalEvent, ProcessType};
-use rcs_testkit::bench::{Bench, Setup};
+use rcs_testkit::bench::{Bench, Setup, faults, newest, sent};
+use rcs_testkit::logs::hand_made;
 use rcs_world::GridView;
 
 const STACK: &str = r#"
@@ -89,20 +90,50 @@ fn a_cloud_by_a_clock_that_is_ahead_is_placed_by_poses_by_the_clock_of_the_run()
     }
 }
 
+/// A frame this far above another one, m.
+fn placed(parent: &str, child: &str, z: f64) -> FrameTransforms {
+    let transform = FrameTransform {
+        parent_frame_id: parent.to_owned(),
+        child_frame_id: child.to_owned(),
+        translation: Some(Vector3 { x: 0.0, y: 0.0, z }),
+        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+        ..FrameTransform::default()
+    };
+    FrameTransforms { transforms: vec![transform] }
+}
+
+#[test]
+fn the_static_transforms_of_several_messages_of_a_log_are_all_known() {
+    let stack = STACK
+        .replace("mount = { fixed = true, height_m = 1.0 }", "mount = { fixed = false }")
+        .replace("/operator/cloud\" }", "/cloud\", static_transforms = \"/static\" }")
+        .replace(
+            "format = 1",
+            "format = 1\ninput = [{ buffer = \"/cloud\", topic = \"/cloud\" }, \
+             { buffer = \"/static\", topic = \"/tf_static\" }]",
+        );
+    let topics = [("/tf_static", schema_of::<FrameTransforms>()), ("/cloud", schema_of::<PointCloud>())];
+    let [mast, lidar] = [placed("vehicle", "mast", 0.4), placed("mast", "lidar", 0.6)].map(AnyMessage::new);
+    let cloud = AnyMessage::new(cloud());
+    let messages = [(1_000, "/tf_static", &mast), (1_010, "/tf_static", &lidar), (1_200, "/cloud", &cloud)];
+    let timed = messages.map(|(ms, topic, message)| (Stamp(ms * 1_000_000), topic, message));
+    let log = hand_made(&topics, timed);
+    let mut run = Setup::new(&stack, &[ProcessType::of::<Obstacles>()]).stepped(Some(&log));
+    run.run_until(Stamp(1_500_000_000)).unwrap();
+    assert_eq!(faults(&run, "obstacles"), (0, String::new()));
+    assert_eq!(sent(&run, "/obstacles/cost"), 1);
+    let known: FrameTransforms = newest(&run, "/static").unwrap();
+    let known: Vec<&str> = known.transforms.iter().map(|known| known.child_frame_id.as_str()).collect();
+    assert_eq!(known, ["mast", "lidar"], "after INIT, only the newest message is read again");
+}
+
 #[test]
 fn after_init_the_static_transforms_that_were_sent_once_are_still_known() {
     let stack = STACK
         .replace("mount = { fixed = true, height_m = 1.0 }", "mount = { fixed = false }")
         .replace("/operator/cloud\" }", "/operator/cloud\", static_transforms = \"/operator/static\" }");
     let mut bench = Setup::new(&stack, &[ProcessType::of::<Obstacles>()]).bench();
-    let transform = FrameTransform {
-        parent_frame_id: "vehicle".to_owned(),
-        child_frame_id: "lidar".to_owned(),
-        translation: Some(Vector3 { x: 0.0, y: 0.0, z: 1.0 }),
-        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-        ..FrameTransform::default()
-    };
-    bench.write("/operator/static", FrameTransforms { transforms: vec![transform] });
+    bench.write("/operator/static", placed("vehicle", "lidar", 1.0));
     bench.advance(1_000);
     assert_eq!(give(&mut bench, 900), (1, 0));
     for (serial, name) in [(2, "INIT"), (3, "RUN")] {

@@ -25,8 +25,8 @@
 //! Images are paired by acquisition time. All outputs have the time and the frame of the left image. As in ROS, this
 //! frame is that of the *rectified* left camera, so a mount describes that camera.
 //!
-//! Reported as a fault and skipped, without output: an image that is black, saturated, undecodable, identical to the
-//! previous one (frozen camera), or older than the previous one; an image whose counterpart is missing or late; a pair
+//! Reported as a fault and skipped, without output: an image that is black, saturated, undecodable, depth, identical to
+//! the previous one (frozen camera), or older than the previous one; an image whose counterpart is missing or late; a pair
 //! of another size than its calibration; calibrations that are missing or do not form a pair (R is not a rotation, rows
 //! are not aligned, cameras are exchanged); more disparities than columns; a pair without any range.
 //!

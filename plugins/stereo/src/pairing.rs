@@ -80,7 +80,8 @@ pub(crate) enum PairingError {
 }
 
 impl<T> Pairing<T> {
-    /// Adds an image that was taken at `taken` and arrived at `now`.
+    /// Adds an image that was taken at `taken` and arrived at `now`. If it is not from the future, the images of its camera
+    /// that are later than `now` are forgotten: by them, all others would be refused until the clock is there.
     pub(crate) fn push(
         &mut self,
         side: Side,
@@ -89,11 +90,16 @@ impl<T> Pairing<T> {
         image: T,
     ) -> Result<(), PairingError> {
         let newest = &mut self.newest[side as usize];
+        let waiting = &mut self.cameras[side as usize];
+        if taken <= now {
+            *newest = newest.filter(|&newest| newest <= now);
+            waiting.retain(|image| image.taken <= now);
+        }
         if let Some(before) = newest.filter(|&before| taken <= before) {
             return Err(PairingError::Past { side, taken, before });
         }
         *newest = Some(taken);
-        self.cameras[side as usize].push_back(Waiting { taken, arrived: now, image });
+        waiting.push_back(Waiting { taken, arrived: now, image });
         Ok(())
     }
 
@@ -189,6 +195,14 @@ mod tests {
     fn an_image_from_the_past_is_refused_and_changes_nothing() {
         let images = [(Left, 50, 60), (Left, 50, 61), (Left, 40, 62), (Right, 50, 63)];
         check(&images, 70, &[[50, 50]], &["not newer", "not newer"]);
+    }
+
+    #[test]
+    fn an_image_from_the_future_does_not_refuse_those_after_it_and_a_camera_that_is_ahead_loses_none() {
+        let images = [(Left, 90, 10), (Left, 20, 21), (Right, 20, 22), (Left, 30, 31), (Right, 30, 32)];
+        check(&images, 40, &[[20, 20], [30, 30]], &[]);
+        let ahead = [(Left, 90, 10), (Right, 90, 11), (Left, 95, 15), (Right, 95, 16), (Left, 95, 17)];
+        check(&ahead, 40, &[[90, 90], [95, 95]], &["not newer"]);
     }
 
     #[test]

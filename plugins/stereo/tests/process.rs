@@ -232,6 +232,15 @@ fn an_image_that_does_not_decode_is_skipped() {
 }
 
 #[test]
+fn depth_is_refused_as_the_image_of_a_camera() {
+    let grey = camera("/left", 3);
+    let data: Vec<u8> = grey.data.iter().flat_map(|&level| [0, level]).collect();
+    let depth = RawImage { encoding: "16UC1".to_owned(), step: 2 * grey.step, data: data.into(), ..grey };
+    let bad = vec![give(300, "/left", depth), give(300, "/right", camera("/right", 3))];
+    check(bad, &[], "encoding \"16UC1\" is depth, expected that of a camera");
+}
+
+#[test]
 fn a_frozen_camera_is_reported_for_every_image_and_nothing_stale_goes_out() {
     // The left camera repeats the image of 100 ms under new timestamps.
     let frozen = |at_ms| {

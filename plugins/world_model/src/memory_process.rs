@@ -193,7 +193,7 @@ impl Process for MapMemoryKeeper {
             }
         }
         while let Some(message) = cx.read(&ports.transforms) {
-            if let Err(error) = self.frames.add_transforms(&message, cx.now()) {
+            if let Err(error) = self.frames.add_transforms(&message, message.acq_time(), cx.now()) {
                 cx.fault(format!("transforms: {error}; skipped"));
             }
         }

@@ -102,18 +102,21 @@ fn swapped(data: &Bytes, size: usize) -> Bytes {
 
 /// ROS 2 has long names for formats (`rgb8; jpeg compressed bgr8`), Foxglove one word. A 16-bit depth image (`16UC1;
 /// compressedDepth png`) is a PNG behind 12 bytes of settings. Quantised 32-bit depth needs them: it keeps them and its
-/// format, by which `image::decompress` reads it.
+/// format, by which `image::decompress` reads it. So does grey of 16 bits in a PNG (`mono16; png compressed`), which would
+/// else be taken for depth.
 fn compressed_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     const DEPTH_SETTINGS: usize = 12;
     let header = source.header()?;
     let mut format = source.cursor.string()?;
     let mut data = source.shared()?;
+    let is_grey16 = format.starts_with("mono16") && format.contains("png");
     if format.contains("compressedDepth") {
         if format.starts_with("16UC1") && !format.contains("rvl") && data.len() >= DEPTH_SETTINGS {
             data = data.slice(DEPTH_SETTINGS..);
             "png".clone_into(&mut format);
         }
-    } else if let Some(word) = ["jpeg", "png", "webp", "avif"].into_iter().find(|word| format.contains(word))
+    } else if let Some(word) =
+        ["jpeg", "png", "webp", "avif"].into_iter().find(|word| !is_grey16 && format.contains(word))
     {
         word.clone_into(&mut format);
     } else if format.contains("jpg") {

@@ -27,8 +27,8 @@ pub fn compressed_to_rgb8(image: &CompressedImage) -> Result<RgbImage, ImageErro
     Ok(RgbImage { width, height, data: decoded.into_rgb8().into_raw() })
 }
 
-/// A compressed image as a raw image: `mono8`, `16UC1` (16-bit grey, which is depth), `32FC1` (quantised depth) or
-/// `rgb8`.
+/// A compressed image as a raw image: `mono8`, `mono16` (16-bit grey, where the format begins so), `16UC1` (other 16-bit
+/// grey, which is depth), `32FC1` (quantised depth) or `rgb8`.
 pub fn decompress(image: &CompressedImage) -> Result<RawImage, ImageError> {
     if is_quantised(image) { quantised(image) } else { raw(image, decode(image)?) }
 }
@@ -105,7 +105,10 @@ fn raw(source: &CompressedImage, image: DynamicImage) -> Result<RawImage, ImageE
     let (width, height) = (image.width(), image.height());
     let (encoding, channels, data): (_, u32, Vec<u8>) = match image {
         DynamicImage::ImageLuma8(grey) => ("mono8", 1, grey.into_raw()),
-        DynamicImage::ImageLuma16(grey) => ("16UC1", 2, grey.iter().flat_map(|v| v.to_le_bytes()).collect()),
+        DynamicImage::ImageLuma16(grey) => {
+            let encoding = if source.format.starts_with("mono16") { "mono16" } else { "16UC1" };
+            (encoding, 2, grey.iter().flat_map(|v| v.to_le_bytes()).collect())
+        }
         other => ("rgb8", 3, other.into_rgb8().into_raw()),
     };
     let step = width.checked_mul(channels).ok_or(ImageError::Size {
@@ -149,6 +152,15 @@ mod tests {
         assert_eq!(compressed_to_rgb8(&image).expect("it decodes").data, [1, 1, 1, 255, 255, 255]);
         let broken = CompressedImage { data: image.data.slice(..20), ..CompressedImage::default() };
         compressed_to_rgb8(&broken).expect_err("it is cut off");
+    }
+
+    #[test]
+    fn a_png_of_16_bits_that_is_stated_to_be_grey_is_not_stretched_as_depth_is() {
+        let image = image("mono16; png compressed mono16", png([0x0700, 0x1234]));
+        let raw = decompress(&image).expect("it decodes");
+        assert_eq!((raw.encoding.as_str(), &raw.data[..]), ("mono16", &[0, 7, 0x34, 0x12][..]));
+        let rgb = compressed_to_rgb8(&image).expect("it decodes");
+        assert_eq!(rgb.data, [7, 7, 7, 0x12, 0x12, 0x12]);
     }
 
     #[test]

@@ -25,13 +25,14 @@ impl WaypointGenerator {
     ) {
         let mut at = self.global_from_local.map(|(_, at)| at);
         while let Some(message) = cx.read(&ports.transforms) {
-            let added = self.frames.add_transforms(&message, cx.now());
+            let (time, now) = (message.acq_time(), cx.now());
+            let added = self.frames.add_transforms(&message, time, now);
             let placing = placing_local(&message, params);
             // After an error, those that place the local frame are added again alone: others may be wrong.
             let is_placed = !placing.transforms.is_empty()
-                && (added.is_ok() || self.frames.add_transforms(&placing, cx.now()).is_ok());
+                && (added.is_ok() || self.frames.add_transforms(&placing, time, now).is_ok());
             if is_placed {
-                at = Some(message.acq_time());
+                at = Some(time);
             }
             if let Err(error) = added {
                 cx.fault(format!("transforms: {error}; skipped"));
