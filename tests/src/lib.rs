@@ -32,3 +32,5 @@ mod stereo_truth;
 mod torture;
 #[cfg(test)]
 mod updated_grids;
+#[cfg(test)]
+mod vehicles;

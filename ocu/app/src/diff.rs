@@ -10,7 +10,7 @@ use std::io::Write;
 /// Compares two recordings and prints the result: [`Ended::Failed`] if they differ, [`Ended::Damaged`] if they agree as
 /// far as they can be read.
 pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
-    let (first, second) = (stacks::open_log(&args.first)?, stacks::open_log(&args.second)?);
+    let (first, second) = (stacks::open_full(&args.first)?, stacks::open_full(&args.second)?);
     let runs = rcs_runtime::diff_runs(&first, &second)?;
     let differences = if args.all {
         rcs_runtime::diff_each(&first, &second)?

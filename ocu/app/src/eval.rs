@@ -19,12 +19,12 @@ use std::sync::Arc;
 pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<Ended> {
     match command {
         EvalCommand::Classify(args) => {
-            let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+            let log = args.log.as_deref().map(stacks::open_full).transpose()?;
             print(&classes(args, log.as_ref())?, args.json, out)?;
             return Ok(Ended::after(log.as_ref()));
         }
         EvalCommand::Obstacles(args) => {
-            let log = stacks::open_log(&args.run)?;
+            let log = stacks::open_full(&args.run)?;
             print(&arcs(args, &log)?, args.json, out)?;
             return Ok(Ended::after(Some(&log)));
         }

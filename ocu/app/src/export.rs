@@ -42,6 +42,7 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let series = read_fields(&log, &fields_of(&others), times.clone());
     let all = || inputs.iter().chain(&series);
     if let Some(wrong) = all().find(|series| series.problem.is_some() && series.points.is_empty()) {
+        stacks::check_full(&log, &args.log)?;
         let problem = wrong.problem.as_deref().unwrap_or_default();
         return Err(usage(format!("{}: {problem}: {}", wrong.field, args.log.display())));
     }

@@ -9,9 +9,9 @@
 //! A buffer with several writers does not say which of them wrote a message. Each process publishes what it wrote, and
 //! then its status, at one time: the writer is the one whose status comes next.
 
-use crate::Ended;
 use crate::cli::LatencyArgs;
 use crate::table::{Align, Table};
+use crate::{Ended, stacks};
 use anyhow::Context as _;
 use rcs_log::{CursorOptions, Log, LogMessage, LogTopic, TopicId};
 use rcs_msg::channel::WRITER;
@@ -94,6 +94,7 @@ impl Spread {
 /// Prints the ages of a recording's messages.
 pub fn latency(args: &LatencyArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let log = Log::open_parts(&crate::parts::of(&args.log)?)?;
+    stacks::check_full(&log, &args.log)?;
     let report = Ages::of(&log)?.report();
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &report).context("cannot write the report")?;

@@ -91,6 +91,25 @@ fn open_parts(files: &[PathBuf]) -> anyhow::Result<Log> {
     Ok(Log::open_parts(files)?.with_codecs(rcs_runtime::codecs(rcs_plugins::all())))
 }
 
+/// Opens a recording like [`open_log`], for a command that reads what a run computed ([`check_full`]).
+pub(crate) fn open_full(path: &Path) -> anyhow::Result<Log> {
+    let log = open_log(path)?;
+    check_full(&log, path)?;
+    Ok(log)
+}
+
+/// Refuses a recording of the journal alone, which holds nothing of what its run computed, and names the command that
+/// computes it again.
+pub(crate) fn check_full(log: &Log, path: &Path) -> anyhow::Result<()> {
+    if !RecordedRun::is_journal_alone(log) {
+        return Ok(());
+    }
+    let path = path.display();
+    Err(usage(format!(
+        "{path} holds the journal only; expected a full recording: ocu run --replay {path} --record full.mcap"
+    )))
+}
+
 /// Opens a recording like [`open_log`], or of these files if `parts` names further ones.
 pub(crate) fn open_named(path: &Path, parts: &[PathBuf]) -> anyhow::Result<Log> {
     if parts.is_empty() {

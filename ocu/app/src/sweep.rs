@@ -44,6 +44,9 @@ pub(crate) struct Row {
     end_s: f64,
     /// Processes in `ERROR` at its end, with the reason.
     errors: Vec<String>,
+    /// Faults that it did not reach.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    warnings: Vec<String>,
     /// What the referee of the course says, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) course: Option<RunReport>,
@@ -76,10 +79,10 @@ impl Row {
         self.course.as_ref().map_or(self.end_s, |course| course.time_s)
     }
 
-    /// Why it failed, and the processes in `ERROR`.
+    /// Why it failed, the processes in `ERROR`, and the faults that it did not reach.
     pub(crate) fn errors(&self) -> String {
-        let errors: Vec<&str> = self.failure.iter().chain(&self.errors).map(String::as_str).collect();
-        errors.join("; ")
+        let errors = self.failure.iter().chain(&self.errors).chain(&self.warnings);
+        errors.map(String::as_str).collect::<Vec<_>>().join("; ")
     }
 }
 
@@ -130,6 +133,10 @@ impl<'a> Prepared<'a> {
         let variants = variants(args, log.as_ref())?;
         for variant in &variants {
             runs::check(&variant.plan, log.as_ref(), args.until, args.course.is_some())?;
+        }
+        // Runs that differ in their seeds alone have one plan and the same faults.
+        for alike in variants.chunk_by(|one, other| Arc::ptr_eq(&one.plan, &other.plan)) {
+            acts::check_faults(&alike[0].plan, log.as_ref(), &alike[0].acts)?;
         }
         check_files(args, &variants)?;
         Ok(Self { args, variants, log })
@@ -241,7 +248,10 @@ fn run(args: &SweepArgs, variant: &Variant, log: Option<&Log>, cancelled: &Atomi
             return row;
         }
     };
-    row.failure = to_the_end(args, variant, &mut run, cancelled).err().map(|error| say(&error));
+    match to_the_end(args, variant, &mut run, cancelled) {
+        Ok(undone) => row.warnings = undone,
+        Err(error) => row.failure = Some(say(&error)),
+    }
     let summary = run.summary();
     let failed = summary.processes.iter().filter(|process| process.state == ProcessState::Error);
     row.errors = failed.map(|process| format!("{}: {}", process.name, process.state_text)).collect();
@@ -252,12 +262,13 @@ fn run(args: &SweepArgs, variant: &Variant, log: Option<&Log>, cancelled: &Atomi
     row
 }
 
+/// Runs to the end, and records it if the run is to be recorded. Returns warnings about faults that it did not reach.
 fn to_the_end(
     args: &SweepArgs,
     variant: &Variant,
     run: &mut Stepped,
     cancelled: &AtomicBool,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<String>> {
     let options = RecordOptions {
         lossless: true,
         build: BUILD.to_owned(),
@@ -270,8 +281,9 @@ fn to_the_end(
     let stop = Stop { recording: recording.as_ref(), cancelled: Some(cancelled) };
     let ended = acts::go_to_the_end(run, args.until, &variant.acts, stop);
     let closed = recording.map_or(Ok(()), |recording| recording.finish_at(run.now()).map(drop));
-    ended?;
-    Ok(closed?)
+    let undone = ended?;
+    closed?;
+    Ok(undone)
 }
 
 fn print(report: &SweepReport, out: &mut dyn Write) -> anyhow::Result<()> {

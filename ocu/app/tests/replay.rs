@@ -131,6 +131,7 @@ fn a_run_on_a_log_replays_on_a_copy_of_it_and_refuses_another() {
     check(&[], &["on a log with the identity"]);
     check(&["--log", &copy, "--seed", "4"], &["seed 3", "got 4"]);
     check(&["--log", &copy, "--stack", "husky"], &["another stack", "husky", "sample"]);
+    check(&["--log", &copy, "--course", "hill"], &["--stack"]);
     let process = replayed["processes"][0]["name"].as_str().unwrap();
     check(&["--log", &copy, "--param", &format!("{process}.nothing=1")], &["nothing"]);
     // A recording with only the journal opens as the run itself; the log is found in the same folder by its content.
@@ -190,6 +191,44 @@ fn acts_that_do_not_fit_are_refused_by_number() {
         r#"[{"at_s": 0, "buffer": "/wm1/params", "message": {"publish_hz": 1e9}}]"#,
         &["act 1", "publish_hz"],
     );
+    for (times, expected) in [
+        (r#""at_s": 1, "until_s": 3"#, "until_s is given without every_s"),
+        (r#""at_s": 2, "every_s": 0.1, "until_s": 1"#, "until_s is 1; expected at least at_s, which is 2"),
+        (r#""at_s": 2, "every_s": 0"#, "every_s is 0; expected at least 0.001"),
+    ] {
+        let act = format!(r#"[{{{times}, "buffer": "/operator/teleop", "message": {{}}}}]"#);
+        check(&act, &["act 1", expected]);
+    }
+}
+
+#[test]
+fn faults_and_acts_after_the_end_are_warnings_and_an_act_without_an_end_is_repeated() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (acts, runs) = (path("acts.json"), path("runs"));
+    let text = r#"[{"at_s": 0.1, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}, "every_s": 0.1},
+                   {"at_s": 50, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}}]"#;
+    std::fs::write(&acts, text).unwrap();
+    let stack = ["--stack", "truth_driver", "--course", "meadow", "--until", "0.4", "--json"];
+    let fault = ["--fault", "truth_driver:frozen@100..200"];
+    let is_told = |warnings: &serde_json::Value, beginning: &str| {
+        let mut warnings = warnings.as_array().unwrap().iter().map(|warning| warning.as_str().unwrap());
+        warnings.any(|warning| {
+            warning.starts_with(beginning) && warning.contains("after the end of the run at 0.")
+        })
+    };
+    let of_fault = "the fault truth_driver:frozen begins at 100 s, ";
+    let done = run(&[&["run", "--acts", &acts][..], &stack, &fault].concat(), 0);
+    assert!(is_told(&done["warnings"], of_fault), "{done}");
+    assert!(
+        is_told(&done["warnings"], "acts not done: 1, the first one on /operator/teleop at 50 s"),
+        "{done}"
+    );
+    let teleop =
+        done["buffers"].as_array().unwrap().iter().find(|buffer| buffer["name"] == "/operator/teleop");
+    assert_eq!(teleop.unwrap()["messages"], 4);
+    let swept = run(&[&["sweep", "--record", &runs][..], &stack, &fault].concat(), 0);
+    assert!(is_told(&swept["runs"][0]["warnings"], of_fault), "{swept}");
 }
 
 #[test]
@@ -254,6 +293,58 @@ fn a_run_with_faults_replays_to_the_same_hash_and_a_fault_that_does_not_fit_is_r
         let (code, _, errors) = ocu(&[&stack[..], &["--fault", fault]].concat());
         assert_eq!(code, 2, "{fault}: {errors}");
         assert!(errors.contains(part), "{fault}: {errors}");
+    }
+}
+
+#[test]
+fn a_fault_that_is_refused_leaves_existing_recordings_as_they_are_and_prints_no_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let [single, runs, of_sweep] = ["single.mcap", "runs", "runs/run-0001.mcap"].map(path);
+    std::fs::create_dir(&runs).unwrap();
+    for kept in [&single, &of_sweep] {
+        std::fs::write(kept, "kept").unwrap();
+    }
+    let stack = ["--stack", "truth_driver", "--course", "meadow", "--until", "0.2", "--json", "--force"];
+    for fault in [
+        "truth_driver:slowed=-3",
+        "truth_driver:dropped=1.5",
+        "truth_driver:nan=.nope",
+        "/truth_driver/drive:stopped",
+    ] {
+        for (command, record) in [("run", &single), ("sweep", &runs)] {
+            let (code, out, errors) =
+                ocu(&[&[command, "--record", record, "--fault", fault][..], &stack].concat());
+            assert_eq!((code, out.as_str()), (2, ""), "{command} {fault}: {errors}");
+        }
+    }
+    for kept in [&single, &of_sweep] {
+        assert_eq!(std::fs::read_to_string(kept).unwrap(), "kept");
+    }
+}
+
+#[test]
+fn a_recording_of_the_journal_alone_is_refused_by_commands_that_read_what_was_computed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let [short, long, table] = ["short.mcap", "long.mcap", "table.csv"].map(path);
+    for (until, out) in [("0.3", &short), ("0.6", &long)] {
+        let stack = ["run", "--stack", "truth_driver", "--course", "meadow", "--until", until];
+        run(&[&stack[..], &["--record", out, "--record-what", "journal", "--json"]].concat(), 0);
+    }
+    let expected = format!(
+        "{short} holds the journal only; expected a full recording: ocu run --replay {short} --record full.mcap"
+    );
+    for args in [
+        &["diff", &short, &long][..],
+        &["latency", &short],
+        &["export", &short, "--fields", "/truth_driver/drive.speed_mps", "-o", &table],
+        &["eval", "obstacles", &short],
+        &["tune", "--log", &short, "--stack", "lagr"],
+    ] {
+        let (code, out, errors) = ocu(args);
+        assert_eq!((code, out.as_str()), (2, ""), "{args:?}: {errors}");
+        assert!(errors.contains(&expected), "{args:?}: {errors}");
     }
 }
 

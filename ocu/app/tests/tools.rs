@@ -57,6 +57,23 @@ fn a_buffer_to_which_nothing_was_written_is_told_and_hinders_neither_other_files
 }
 
 #[test]
+fn a_report_of_several_runs_says_what_is_of_the_last_one_and_the_help_says_what_each_is_handed() {
+    let told = |more: &[&str]| {
+        let run = ["run", "--stack", "simulation", "--course", "meadow", "--until", "0.3"];
+        let (code, out, errors) = ocu(&[&run[..], more].concat());
+        assert_eq!(code, 0, "{errors}");
+        out
+    };
+    let several = told(&["--runs", "2"]);
+    let labelled = several.lines().filter(|line| line.ends_with(" of the last run"));
+    assert_eq!(labelled.count(), 4, "time, hash, processes and buffers: {several}");
+    assert!(!told(&[]).contains("of the last run"));
+    let (_, help, _) = ocu(&["run", "--help"]);
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(help.contains("a stack that remembers is handed what the run before has learned"), "{help}");
+}
+
+#[test]
 fn what_an_earlier_run_remembers_is_refused_where_it_would_not_count_and_is_not_overwritten() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("remembered.json");

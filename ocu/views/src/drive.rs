@@ -206,20 +206,22 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
         ui.add(egui::Label::new(&status.stop_reason).wrap());
     }
     let person = inputs.teleop.as_deref().and_then(|teleop| commanded(frame, teleop));
+    let dash = || "     –".to_owned();
+    let or_dash = |value: f64, text: String| if value.is_nan() { dash() } else { text };
     // Rounded first, so that a small negative number is not shown as "-0.0".
-    let turn = |radps: f64| format!("{:6.1}", (radps.to_degrees() * 10.0).round() / 10.0 + 0.0);
-    let wanted_turn = person.and_then(|command| command.yaw_rate_radps).map_or("     –".to_owned(), turn);
+    let turn =
+        |radps: f64| or_dash(radps, format!("{:6.1}", (radps.to_degrees() * 10.0).round() / 10.0 + 0.0));
+    let wanted_turn = person.and_then(|command| command.yaw_rate_radps).map_or_else(dash, turn);
     let ink = if old { tokens.stale } else { tokens.text };
     let row = |ui: &mut Ui, name: &str, wanted: String, measured: String, unit: &str| {
         name_value(ui, NAMES, name, mono(format!("{wanted}  {measured} {unit}")).color(ink));
     };
     name_value(ui, NAMES, "", mono("wanted    now").color(tokens.weak));
-    let speed = |mps: f64| format!("{:6.2}", (mps * 100.0).round() / 100.0 + 0.0);
+    let speed = |mps: f64| or_dash(mps, format!("{:6.2}", (mps * 100.0).round() / 100.0 + 0.0));
     let [wanted, now] = [status.wanted_speed_mps, status.speed_mps].map(speed);
     row(ui, "Speed", wanted, now, "m/s");
     row(ui, "Turn", wanted_turn, turn(status.yaw_rate_radps), "°/s");
     // Measured only: nobody wants an attitude.
-    let dash = || "     –".to_owned();
     row(ui, "Roll", dash(), turn(status.roll_rad), "°");
     row(ui, "Pitch", dash(), turn(status.pitch_rad), "°");
     let who = match person {

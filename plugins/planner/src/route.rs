@@ -70,18 +70,59 @@ pub enum RouteError {
 
 /// The points of a track without its loops and excursions. Points nearer than `near_m` count as the same place.
 pub fn cut(track: &[DVec2], near_m: f64) -> Vec<DVec2> {
+    let cells = Cells::of(track, near_m);
     let mut kept = Vec::new();
     let mut at = 0;
     while let Some(&point) = track.get(at) {
         kept.push(point);
-        let back = track[at + 1..].iter().rposition(|later| later.distance(point) < near_m);
-        at = back.map_or(at + 1, |back| at + 1 + back);
+        let back = cells.last_near(at);
+        at = back.unwrap_or(at + 1);
         if back.is_some() && at + 1 < track.len() {
             // The point itself is near the one that is kept already.
             at += 1;
         }
     }
     kept
+}
+
+/// The points of a track by the cells in which they lie: all that are near a point lie in its cell or in one beside it.
+struct Cells<'a> {
+    track: &'a [DVec2],
+    /// Distance within which points are near, m.
+    near_m: f64,
+    /// Cell and index of each point, sorted.
+    sorted: Vec<([i64; 2], usize)>,
+}
+
+impl<'a> Cells<'a> {
+    fn of(track: &'a [DVec2], near_m: f64) -> Cells<'a> {
+        let mut cells = Cells { track, near_m, sorted: Vec::new() };
+        cells.sorted = (0..track.len()).map(|at| (cells.cell(at), at)).collect();
+        cells.sorted.sort_unstable();
+        cells
+    }
+
+    /// The cell of a point. Cells are a little larger than the distance, so that rounding puts no near point two cells away.
+    fn cell(&self, at: usize) -> [i64; 2] {
+        let cell = self.track[at] / (1.01 * self.near_m);
+        [cell.x.floor() as i64, cell.y.floor() as i64]
+    }
+
+    /// Index of the last point of the track that is near a point, and comes after it.
+    fn last_near(&self, at: usize) -> Option<usize> {
+        let [x, y] = self.cell(at);
+        let around = (-1..=1).flat_map(|column| (-1..=1).map(move |row| [column, row]));
+        let cells = around.map(|[column, row]| [x.saturating_add(column), y.saturating_add(row)]);
+        cells.filter_map(|cell| self.last_near_in(cell, at)).max()
+    }
+
+    /// The same of the points in a cell.
+    fn last_near_in(&self, cell: [i64; 2], at: usize) -> Option<usize> {
+        let from = self.sorted.partition_point(|&entry| entry <= (cell, at));
+        let to = self.sorted.partition_point(|&(other, _)| other <= cell);
+        let is_near = |&index: &usize| self.track[index].distance(self.track[at]) < self.near_m;
+        self.sorted[from..to].iter().rev().map(|&(_, index)| index).find(is_near)
+    }
 }
 
 /// Length of a track, m.
@@ -174,6 +215,7 @@ pub fn in_global(route: &Route, origin: &Utm, goal: DVec2, within_m: f64) -> Res
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn line(from: (f64, f64), to: (f64, f64)) -> Vec<DVec2> {
         let (from, to) = (DVec2::from(from), DVec2::from(to));
@@ -199,6 +241,50 @@ mod tests {
         assert_eq!((kept[0], kept.last()), (track[0], track.last()));
         let straight = line((0.0, 0.0), (10.0, 0.0));
         assert!((length_m(&cut(&straight, 0.4)) - length_m(&straight)).abs() < 1e-9);
+    }
+
+    /// [`cut`] by a search through all points.
+    fn reference_cut(track: &[DVec2], near_m: f64) -> Vec<DVec2> {
+        let mut kept = Vec::new();
+        let mut at = 0;
+        while let Some(&point) = track.get(at) {
+            kept.push(point);
+            let back = track[at + 1..].iter().rposition(|later| later.distance(point) < near_m);
+            at = back.map_or(at + 1, |back| at + 1 + back);
+            if back.is_some() && at + 1 < track.len() {
+                at += 1;
+            }
+        }
+        kept
+    }
+
+    proptest! {
+        #[test]
+        fn a_track_is_cut_as_by_a_search_through_all_its_points(
+            steps in prop::collection::vec(prop::array::uniform2(-8..=8_i32), 0..300),
+            step_m in prop::sample::select(vec![0.0, 0.05, 0.25, 0.4]),
+            start_m in prop::sample::select(vec![0.0, -412_345.6]),
+            near_m in prop::sample::select(vec![0.3, 0.5, 1.0, 2.0]),
+        ) {
+            let mut at = DVec2::splat(start_m);
+            let track: Vec<DVec2> = steps.iter().map(|&[east, north]| {
+                at += step_m * DVec2::new(f64::from(east), f64::from(north));
+                at
+            }).collect();
+            prop_assert_eq!(cut(&track, near_m), reference_cut(&track, near_m));
+        }
+    }
+
+    #[test]
+    fn rounds_are_cut_as_by_a_search_through_all_their_points() {
+        let round = |step: u32| {
+            let angle = 0.05 * f64::from(step);
+            DVec2::new(12.0 * libm::cos(angle), 8.0 * libm::sin(1.5 * angle))
+        };
+        let track: Vec<DVec2> = (0..2000).map(round).collect();
+        for near_m in [0.0, 0.2, 1.0, 30.0] {
+            assert_eq!(cut(&track, near_m), reference_cut(&track, near_m), "{near_m} m");
+        }
     }
 
     #[test]

@@ -7,17 +7,12 @@
 use rcs_geom::DVec2;
 use rcs_sense::{CELL_SIZE_M, CostGrid, GridFrame};
 
-/// Cells per row of the window, at least: 8 m, more than the reach of the infrared sensors.
+/// Cells per row of the window, at least: 8 m, more than what a small vehicle covers.
 const SIDE: usize = 41;
 /// Distance between sampled points along an edge, m; small enough to skip no cell.
 const STEP_M: f64 = CELL_SIZE_M / 4.0;
 
-/// An unknown window around a position, m.
-pub fn around(place: DVec2) -> CostGrid {
-    CostGrid::new(GridFrame::around(place, SIDE, CELL_SIZE_M))
-}
-
-/// The same, so large that it covers what lies within this distance of the position, m: of a long vehicle, whole.
+/// An unknown window around a position, m, so large that it covers what lies within this distance of it, m.
 pub fn around_within(place: DVec2, reach_m: f64) -> CostGrid {
     let cells = (reach_m / CELL_SIZE_M).ceil().max(0.0) as usize + 1;
     CostGrid::new(GridFrame::around(place, SIDE.max(2 * cells + 1), CELL_SIZE_M))
@@ -63,7 +58,7 @@ mod tests {
             to in prop::array::uniform2(-3.5..3.5_f64),
         ) {
             let (from, to) = (DVec2::from_array(from), DVec2::from_array(to));
-            let mut costs = around(DVec2::ZERO);
+            let mut costs = around_within(DVec2::ZERO, 4.0);
             mark_line(&mut costs, from, to, 250);
             for i in 0..=1000 {
                 let place = from.lerp(to, f64::from(i) / 1000.0);
@@ -79,7 +74,7 @@ mod tests {
     #[test]
     fn the_highest_cost_of_a_cell_counts_in_any_order() {
         for costs_in_order in [[0, 250], [250, 0]] {
-            let mut costs = around(DVec2::new(100.0, -50.0));
+            let mut costs = around_within(DVec2::new(100.0, -50.0), 1.0);
             for cost in costs_in_order {
                 costs.mark(DVec2::new(100.1, -50.1), cost);
             }
@@ -90,7 +85,7 @@ mod tests {
 
     #[test]
     fn what_lies_outside_of_the_window_is_left_out() {
-        let mut costs = around(DVec2::ZERO);
+        let mut costs = around_within(DVec2::ZERO, 1.0);
         let before = costs.clone();
         costs.mark(DVec2::new(5.0, 0.0), 250);
         costs.mark(DVec2::new(f64::INFINITY, f64::NEG_INFINITY), 250);

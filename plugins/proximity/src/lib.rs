@@ -30,7 +30,8 @@
 //!
 //! - [`near`]: a pressed switch stands for one half of the bumper and marks the cells in front of it; the ground under
 //!   the vehicle is free. An infrared cone is free up to the measured range, where there is an obstacle.
-//! - [`costs`]: maps with the world model's cells in a window of 8 m, or as large as a long vehicle.
+//! - [`costs`]: maps with the world model's cells in a window of 8 m, or as large as a long vehicle, or as what infrared
+//!   sensors see, up to 40 m.
 //! - [`traction`]: slip is the difference between the encoders and the inertial sensors. Gravity is removed with the
 //!   pitch of the pose, so without a pose no slip is reported. A motor that draws current while its wheel hardly turns
 //!   is stalled.

@@ -1,9 +1,12 @@
 //! Costs of the cells around the vehicle from bumper and infrared sensors.
 
-use crate::costs::{around as costs_around, around_within, mark_line, mark_rectangle};
+use crate::costs::{around_within, mark_line, mark_rectangle};
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_sense::CostGrid;
 use rcs_world::MAX_COST;
+
+/// Greatest reach of a map of infrared readings, m: what they say beyond it is left out.
+const MOST_REACH_M: f64 = 40.0;
 
 /// Dimensions of the bumper and the body in the vehicle frame, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +44,19 @@ pub struct Ray {
     pub max_range_m: f64,
     /// Full angle of the cone, rad.
     pub cone_rad: f64,
+}
+
+impl Ray {
+    /// Distance from the sensor up to which the ground is free, m.
+    fn free_m(&self, rules: &RayRules) -> f64 {
+        (self.range_m.unwrap_or(self.max_range_m) * rules.free_fraction).min(MOST_REACH_M)
+    }
+
+    /// Distance from a position up to which it says something, m.
+    fn reach_m(&self, from: DVec2, rules: &RayRules) -> f64 {
+        let seen_m = self.range_m.map_or(0.0, |range_m| range_m + rules.noise_m);
+        self.map_from_sensor.translation.truncate().distance(from) + self.free_m(rules).max(seen_m)
+    }
 }
 
 /// How infrared readings become costs.
@@ -96,16 +112,18 @@ pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: boo
     costs
 }
 
-/// Marks the cells along each cone as free up to the measured range, and those at that range as obstacles.
+/// Marks the cells along each cone as free up to the measured range, and those at that range as obstacles, in a window
+/// around a position, m, that has room for all of them within 40 m.
 pub fn infrared_costs(around: DVec2, rays: &[Ray], rules: &RayRules) -> CostGrid {
-    let mut costs = costs_around(around);
+    let reach_m = rays.iter().map(|ray| ray.reach_m(around, rules)).fold(0.0, f64::max);
+    let mut costs = around_within(around, reach_m.min(MOST_REACH_M));
     for ray in rays {
         let at = |range: f64, angle: f64| {
             let (sin, cos) = libm::sincos(angle);
             (ray.map_from_sensor * DVec3::new(range * cos, range * sin, 0.0)).truncate()
         };
         let half = ray.cone_rad / 2.0;
-        let free_m = ray.range_m.unwrap_or(ray.max_range_m) * rules.free_fraction;
+        let free_m = ray.free_m(rules);
         // Rays half a cell apart at maximum range skip no cell.
         let spread = (ray.cone_rad * ray.max_range_m / 0.1).ceil().clamp(2.0, 200.0) as u32;
         for side in 0..=spread {
@@ -205,5 +223,17 @@ mod tests {
         assert_eq!(free.at(DVec2::new(1.7, 0.1)), None);
         let both = infrared_costs(DVec2::ZERO, &[ray(Some(1.0)), ray(None)], &RULES);
         assert_eq!(both.at(DVec2::new(1.1, 0.1)), Some(250));
+    }
+
+    #[test]
+    fn the_map_reaches_as_far_as_the_sensors_see_up_to_40_m() {
+        let costs_of = |max_range_m: f64, range_m: Option<f64>| {
+            infrared_costs(DVec2::ZERO, &[ray(None), Ray { max_range_m, ..ray(range_m) }], &RULES)
+        };
+        let seen = costs_of(8.0, Some(6.0));
+        assert_eq!((seen.at(DVec2::new(6.1, 0.1)), seen.at(DVec2::new(5.0, 0.1))), (Some(250), Some(0)));
+        let far = costs_of(1e9, None);
+        assert_eq!(far.at(DVec2::new(39.9, 0.1)), Some(0));
+        assert_eq!((costs_of(1.5, Some(1.5)).frame().side, far.frame().side), (41, 403));
     }
 }

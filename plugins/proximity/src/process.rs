@@ -365,7 +365,7 @@ fn body(params: &ProximityParams) -> Body {
         bumper_width_m: params.bumper_width_m,
         bumper_depth_m: params.bumper_depth_m,
         rear_x_m: params.rear_x_m,
-        width_m: params.vehicle_width_m,
+        width_m: params.vehicle_width_m.min(params.bumper_width_m),
     }
 }
 

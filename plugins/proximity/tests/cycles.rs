@@ -7,6 +7,7 @@ use rcs_msg::foxglove::{self, FrameTransform, FrameTransforms, Grid, Odometry, Q
 use rcs_msg::rcs;
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_proximity::Proximity;
+use rcs_proximity::proto::ProximityParams;
 use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
@@ -129,6 +130,19 @@ fn a_bumper_hit_goes_out_at_once_as_cost_250_before_the_bumper() {
     assert_eq!(cost_at(&grid, "cost.bumper", 3.85, 4.1), 250.0);
     assert_eq!(cost_at(&grid, "cost.bumper", 3.3, 4.1), 0.0);
     assert_eq!(cost_at(&grid, "cost.bumper", 3.85, 3.5), 255.0);
+}
+
+#[test]
+fn no_wider_ground_is_called_free_than_the_bumper_has_touched() {
+    let mut bench = Bench::placed();
+    let params: ProximityParams = bench.latest("/proximity/params");
+    let params = ProximityParams { vehicle_width_m: 0.8, bumper_width_m: 0.4, ..params };
+    bench.write("/proximity/params", params);
+    bench.write("/operator/bumper", rcs::Bumper::default());
+    bench.cycle();
+    let grid: Grid = bench.latest("/proximity/bumper_cost");
+    let costs = [3.5, 3.7, 3.9, 4.1, 4.3].map(|y_m| cost_at(&grid, "cost.bumper", 3.3, y_m));
+    assert_eq!(costs, [255.0, 255.0, 0.0, 0.0, 255.0]);
 }
 
 #[test]

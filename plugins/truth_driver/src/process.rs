@@ -284,10 +284,12 @@ fn rules(params: &TruthDriverParams) -> Rules {
 
 fn style(params: &TruthDriverParams) -> Style {
     let half_m = params.vehicle_width_m / 2.0;
+    let stated_mps = Some(params.vehicle_speed_mps).filter(|&speed_mps| speed_mps > 0.0);
+    let max_speed_mps = params.max_speed_mps.min(stated_mps.unwrap_or(f64::INFINITY));
     Style {
         lookahead_m: params.lookahead_m,
-        max_speed_mps: params.max_speed_mps,
-        min_speed_mps: params.min_speed_mps.min(params.max_speed_mps),
+        max_speed_mps,
+        min_speed_mps: params.min_speed_mps.min(max_speed_mps),
         yaw_gain_per_s: params.yaw_gain_per_s,
         max_yaw_rate_radps: params.max_yaw_rate_radps,
         room_m: half_m + params.clearance_m,

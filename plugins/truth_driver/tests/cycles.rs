@@ -132,6 +132,17 @@ fn it_drives_along_its_path_and_stands_at_the_goal() {
 }
 
 #[test]
+fn it_commands_no_speed_that_the_vehicle_refuses() {
+    let types = [ProcessType::of::<TruthDriver>()];
+    let mut bench = Setup::new(STACK, &types).params(&[("driver.vehicle_speed_mps", "0.3")]).bench();
+    bench.cycle();
+    bench.write("/operator/map", map(|_| 1));
+    bench.write("/operator/goal", goal(14.0));
+    bench.at(2.0, 4.0, 0.0);
+    assert_eq!(bench.command().0, 0.3);
+}
+
+#[test]
 fn it_turns_on_the_spot_to_a_path_behind_it() {
     let mut bench = Bench::on_a_meadow();
     bench.at(2.0, 4.0, 3.0);

@@ -50,6 +50,8 @@ pub struct VehicleInterface {
 /// The last readings of the vehicle's sensors.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Sensed {
+    /// When the first cycle was: a sensor that has not spoken yet is waited for since then.
+    since: Option<Stamp>,
     /// Speeds of the left and the right wheel, m/s, and when they came.
     wheels_mps: Option<([f64; 2], Stamp)>,
     /// Turn rate of the vehicle by the inertial sensor, rad/s, and when it came.
@@ -95,9 +97,17 @@ struct Decision {
 }
 
 impl Sensed {
-    /// Speed of the vehicle by its wheels, m/s.
-    fn speed_mps(&self) -> f64 {
-        self.wheels_mps.map_or(0.0, |([left_mps, right_mps], _)| f64::midpoint(left_mps, right_mps))
+    /// Speed of the vehicle by its wheels, m/s: see [`Sensed::known`].
+    fn speed_mps(&self, timeout_s: f64, now: Stamp) -> f64 {
+        let said = self.wheels_mps.map(|([left, right], at)| (f64::midpoint(left, right), at));
+        self.known(said, timeout_s, now)
+    }
+
+    /// What a wired sensor said last, 0 before that; NaN once it has been silent for longer than the timeout, if there is
+    /// one.
+    fn known(&self, said: Option<(f64, Stamp)>, timeout_s: f64, now: Stamp) -> f64 {
+        let (value, at) = said.unwrap_or((0.0, self.since.unwrap_or(now)));
+        if timeout_s > 0.0 && now.seconds_since(at) > timeout_s { f64::NAN } else { value }
     }
 
     /// Speeds of the wheels, m/s, and turn rate of the vehicle, rad/s; `None` where one of them is old.
@@ -241,8 +251,10 @@ impl VehicleInterface {
             });
         self.drive.forget();
         self.teleop.forget();
-        let stands = wheels.left_mps == 0.0 && wheels.right_mps == 0.0;
-        if stands && self.sensed.speed_mps().abs() < STANDS_MPS {
+        let is_told_to_stand = wheels.left_mps == 0.0 && wheels.right_mps == 0.0;
+        // A speed that is not known does not keep it braking.
+        let rolls = self.speed_mps(ports, params, cx).abs() >= STANDS_MPS;
+        if is_told_to_stand && !rolls {
             cx.done(reason);
         } else {
             cx.exec(format!("{reason}, brakes"));
@@ -258,6 +270,7 @@ impl VehicleInterface {
         decide: impl FnOnce(&Self, &Cycle<'_>) -> Decision,
     ) -> Wheels {
         if self.last_cycle.is_none() {
+            self.sensed.since = Some(cx.now());
             self.remember(ports, cx);
             // A vehicle that got no commands meanwhile, as after a panic of this process, does not drive any more.
             let is_recent = |at: Stamp| cx.now().seconds_since(at) <= SENSED_S;
@@ -291,8 +304,24 @@ impl VehicleInterface {
             None => self.slip = Slip::default(),
         }
         let wheels = self.ramps.step(decision.aim, &drive, &self.slip, dt_s);
-        self.send(ports, &decision, wheels, &limits, cx);
+        self.send(ports, params, &decision, wheels, cx);
         wheels
+    }
+
+    /// Speed of the vehicle by its wheels, m/s; NaN where no sensor tells it.
+    fn speed_mps(&self, ports: &Ports, params: &VehicleInterfaceParams, cx: &Cycle<'_>) -> f64 {
+        if !cx.is_wired(&ports.encoders) {
+            return f64::NAN;
+        }
+        self.sensed.speed_mps(params.sensor_timeout_s, cx.now())
+    }
+
+    /// Turn rate of the vehicle by the inertial sensor, rad/s; NaN where no sensor tells it.
+    fn yaw_rate_radps(&self, ports: &Ports, params: &VehicleInterfaceParams, cx: &Cycle<'_>) -> f64 {
+        if !cx.is_wired(&ports.imu) {
+            return f64::NAN;
+        }
+        self.sensed.known(self.sensed.yaw_rate_radps, params.sensor_timeout_s, cx.now())
     }
 
     /// What the sensors last said before the state was created anew, as by `INIT`, at the times at which they said it: one
@@ -463,7 +492,14 @@ impl VehicleInterface {
         Decision { aim, wanted_speed_mps, stop_reason, limit_mps, teleoperated: false }
     }
 
-    fn send(&self, ports: &Ports, decision: &Decision, wheels: Wheels, limits: &Limits, cx: &mut Cycle<'_>) {
+    fn send(
+        &self,
+        ports: &Ports,
+        params: &VehicleInterfaceParams,
+        decision: &Decision,
+        wheels: Wheels,
+        cx: &mut Cycle<'_>,
+    ) {
         let now = cx.now();
         let command = WheelCommand {
             timestamp: Some(now.to_proto()),
@@ -475,8 +511,8 @@ impl VehicleInterface {
         let sensed = &self.sensed;
         let status = VehicleStatus {
             timestamp: Some(now.to_proto()),
-            speed_mps: sensed.speed_mps(),
-            yaw_rate_radps: sensed.yaw_rate_radps.map_or(0.0, |(rate_radps, _)| rate_radps),
+            speed_mps: self.speed_mps(ports, params, cx),
+            yaw_rate_radps: self.yaw_rate_radps(ports, params, cx),
             roll_rad: sensed.roll_rad,
             pitch_rad: sensed.pitch_rad,
             wanted_speed_mps: decision.wanted_speed_mps,
@@ -491,8 +527,8 @@ impl VehicleInterface {
             right_a: sensed.right_a,
             bumper_left: sensed.bumper_left,
             bumper_right: sensed.bumper_right,
-            max_speed_mps: limits.speed_mps.min(decision.limit_mps),
-            max_yaw_rate_radps: limits.yaw_rate_radps,
+            max_speed_mps: params.max_speed_mps.min(decision.limit_mps),
+            max_yaw_rate_radps: params.max_yaw_rate_radps,
             teleoperated: decision.teleoperated,
         };
         cx.write(&ports.vehicle, now, status);

@@ -15,6 +15,7 @@ use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, fingerprint_of_texts, pose_of};
 use rcs_world::{GridView, fuse_grid};
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Distance between the points of the track, m, and their greatest number. A point farther away must be followed by one
 /// near it: a single wrong pose would make the map too large to be saved.
@@ -50,6 +51,8 @@ pub struct MapMemoryKeeper {
     no_way: Option<Stamp>,
     /// Where the vehicle was, local frame, m.
     track: Vec<DVec2>,
+    /// The newest [`COMPARED_TRACK`] points of the track, also those that it has no room for.
+    recent: VecDeque<DVec2>,
     /// Where it was in the cycle before, if that is far from the track, m.
     leapt: Option<DVec2>,
     /// Where the remembered map lies; `None` while it is not believed.
@@ -202,7 +205,16 @@ impl Process for MapMemoryKeeper {
         };
         self.take_position(vehicle);
         let (global, local) = (&params.global_frame, &params.local_frame);
-        let Ok(global_from_local) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) else {
+        let mut placed = self.frames.lookup(global, local, cx.now(), f64::INFINITY);
+        // After `INIT` no frame is known, and the local one may be sent only once. Of several messages, only the newest can
+        // be read again. What is refused in it has been reported before.
+        if placed.is_err()
+            && let Some(message) = cx.latest(&ports.transforms)
+        {
+            let _ = self.frames.add_transforms(&message, message.acq_time(), cx.now());
+            placed = self.frames.lookup(global, local, cx.now(), f64::INFINITY);
+        }
+        let Ok(global_from_local) = placed else {
             return cx.exec("waits for the local frame in the global frame");
         };
         let Ok(origin) = Origin::from_toml(&params.world) else {
@@ -295,17 +307,31 @@ impl MapMemoryKeeper {
     fn clear(&mut self, now: Stamp) {
         self.cleared = Some(now);
         self.dropped = Some("the remembered map is cleared".to_owned());
-        (self.kept, self.track, self.leapt, self.saved) = (Kept::default(), Vec::new(), None, None);
+        (self.kept, self.leapt, self.saved) = (Kept::default(), None, None);
+        self.track.clear();
+        self.recent.clear();
     }
 
     fn take_position(&mut self, vehicle: DVec2) {
         let is_near = |place: &DVec2| place.distance(vehicle) <= LEAP_M;
-        let follows = self.track.last().is_none_or(is_near) || self.leapt.as_ref().is_some_and(is_near);
+        let last = self.recent.back();
+        let follows = last.is_none_or(is_near) || self.leapt.as_ref().is_some_and(is_near);
+        let step_m = last.map_or(f64::INFINITY, |last| last.distance(vehicle));
         self.leapt = (!follows).then_some(vehicle);
-        let step_m = self.track.last().map_or(f64::INFINITY, |last| last.distance(vehicle));
-        if follows && step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
-            self.track.push(vehicle);
+        if follows && step_m >= TRACK_STEP_M {
+            if self.track.len() < MOST_TRACK {
+                self.track.push(vehicle);
+            }
+            if self.recent.len() >= COMPARED_TRACK {
+                self.recent.pop_front();
+            }
+            self.recent.push_back(vehicle);
         }
+    }
+
+    /// Positions along which what is sensed is compared, to that of the vehicle, local frame, m.
+    fn compared(&self, vehicle: DVec2) -> Vec<DVec2> {
+        self.recent.iter().copied().chain([vehicle]).collect()
     }
 
     /// Drops a remembered map with which there is no way to the goal: there was one to remember.
@@ -404,7 +430,7 @@ impl MapMemoryKeeper {
         let start = start.or(self.settled.map(turned_before)).unwrap_or(*now.global_from_local);
         // How far what is moved so lies from where the position estimate says, m: east and north.
         let away = |moved: DVec2| now.to_global(vehicle) - at(&start, vehicle) + moved;
-        let compared = [&self.track[self.track.len().saturating_sub(COMPARED_TRACK)..], &[vehicle]].concat();
+        let compared = self.compared(vehicle);
         let seen_in_local = Seen::of(&sensed, &compared, params.near_m);
         let seen = seen_in_local.placed(|place| at(&start, place));
         let least = params.least_cells as usize;
@@ -530,5 +556,20 @@ mod tests {
         assert_eq!(keeper.told(), format!("remembers{full}"));
         keeper.unsaved = Some("too large".to_owned());
         assert_eq!(keeper.told(), "remembers; the map is not saved: too large");
+    }
+
+    #[test]
+    fn what_is_compared_lies_within_42_m_of_the_vehicle_also_once_the_track_is_full() {
+        let mut keeper = MapMemoryKeeper::default();
+        for step in 0..MOST_TRACK + 50 {
+            let vehicle = DVec2::new(TRACK_STEP_M * step as f64, 0.0);
+            keeper.take_position(vehicle);
+            let compared = keeper.compared(vehicle);
+            assert_eq!(compared.len(), (step + 1).min(COMPARED_TRACK) + 1);
+            assert!(compared.iter().all(|place| place.distance(vehicle) <= 42.0), "{vehicle}: {compared:?}");
+        }
+        assert_eq!(keeper.track.len(), MOST_TRACK);
+        keeper.clear(Stamp(0));
+        assert_eq!(keeper.compared(DVec2::ZERO), [DVec2::ZERO]);
     }
 }

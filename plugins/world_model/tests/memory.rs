@@ -390,8 +390,7 @@ fn what_was_stated_before_init_is_taken_back() {
         give(&mut bench, &memory);
         look(&mut bench, here, 2.5, ground_truth, 6);
         order(&mut bench, "memory", "RUN");
-        let now = Stamp(bench.now_ms * 1_000_000 + 1);
-        locate(&mut bench, now, DVec2::new(2.0, 3.0));
+        // The local frame is not sent again.
         look(&mut bench, here, 2.5, ground_truth, 20);
         assert!(text(&bench).starts_with(expected), "{}", text(&bench));
         assert_eq!((cost_at(&bench, behind), registered(&bench)), (255, None));

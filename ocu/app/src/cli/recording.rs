@@ -8,7 +8,8 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --all\n\n\
                         Messages are compared by buffer and number; measured time is left out. What the recordings \
-                        say of their runs (stack, parameters, seed, build) is told first. Exit codes: 0 the \
+                        say of their runs (stack, parameters, seed, build) is told first. Recordings of the \
+                        journal alone are refused. Exit codes: 0 the \
                         recordings agree, 1 they differ, 3 they agree as far as they can be read, but one is \
                         damaged.")]
 pub struct DiffArgs {

@@ -21,7 +21,8 @@ use std::sync::Arc;
                         the hash is the same on every run and for any number of threads. A live run depends on the \
                         computer, too; its recording repeats it with the same hash.\n\n\
                         --acts gives what an operator does, as a JSON list: [{\"at_s\": 1, \"buffer\": \
-                        \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}].\n\n\
+                        \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}]. \
+                        Without until_s, it is repeated to the end of the run.\n\n\
                         --fault makes something go wrong, and the run shows what comes of it: --fault wm1:frozen@10..12, \
                         --fault /localization/local:dropped=0.3@5, --fault faults.toml with entries [[fault]] of \
                         process or buffer, kind, from_s, to_s, delay_ms, every, probability, seed, field.")]
@@ -34,9 +35,10 @@ pub struct RunArgs {
     #[arg(long)]
     pub log: Option<PathBuf>,
     /// Course that a simulation runs: the name of a bundled one, or a .toml file
-    #[arg(long, short, value_name = "COURSE")]
+    #[arg(long, short, value_name = "COURSE", requires = "stack")]
     pub course: Option<String>,
-    /// Number of runs of the course, with the seeds SEED, SEED + 1, …
+    /// Number of runs of the course, with the seeds SEED, SEED + 1, …; a stack that remembers is handed what the run
+    /// before has learned (runs of ocu sweep --runs are independent)
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub runs: u32,
     /// File to record the run to; with --runs, a file for each run: drive-1.mcap, drive-2.mcap … for
@@ -80,7 +82,8 @@ pub struct RunArgs {
     /// Time at which the run is stopped, in seconds from the start of the recording
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub until: Option<f64>,
-    /// Fail where a process could use no message of an input, or wrote nothing
+    /// Fail where a process could use no message of an input, or wrote nothing, and where the run ended before a fault
+    /// or an act
     #[arg(long)]
     pub fail_on_fault: bool,
     /// Threads that processes may share, all of the machine's by default; the result does not depend on it

@@ -1,30 +1,51 @@
 //! Actions of an operator in a run without a window, read from a file.
 //!
 //! The file is a JSON list: `[{"at_s": 1.5, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}, "every_s":
-//! 0.05, "until_s": 3}]`. Messages are in protobuf's JSON. A parameter message contains only the fields to change.
+//! 0.05, "until_s": 3}]`. Messages are in protobuf's JSON. A parameter message contains only the fields to change. Without
+//! `until_s`, an action is repeated to the end of the run.
 
 use crate::assets::read_text;
 use crate::runs::{self, Stop};
-use crate::usage;
+use crate::{stacks, usage};
 use anyhow::Context as _;
+use ocu_ui::format;
 use rcs_bus::Sample;
+use rcs_log::Log;
+use rcs_msg::rcs::fault::Kind;
+use rcs_msg::rcs::r#override::Mode;
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
-use rcs_runtime::{ExternalEvent, Plan, ProcessPlan, Stepped};
+use rcs_runtime::{ExternalEvent, Plan, ProcessPlan, RunOptions, Stepped};
 use serde::Deserialize;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::path::Path;
+use std::sync::Arc;
 
-/// Maximum number of actions.
-const MOST: usize = 1_000_000;
+/// Latest time of an action, s.
+const LATEST_S: f64 = 1e6;
+/// Shortest period of an action, s.
+const SHORTEST_S: f64 = 1e-3;
 
 /// One action and its time.
 #[derive(Clone, Debug)]
 pub struct Act {
     /// Nanoseconds from the start of the run.
     pub at_ns: u64,
+    /// How it is repeated; `None` if it is done once.
+    pub repeated: Option<Repetition>,
     /// What is written. Of parameters: with those of the stack, before the run.
     pub event: ExternalEvent,
     /// Of parameters, the fields to change; empty for other messages.
     pub fields: Vec<(String, String)>,
+}
+
+/// The repetition of an action.
+#[derive(Clone, Copy, Debug)]
+pub struct Repetition {
+    /// Period, ns.
+    pub every_ns: u64,
+    /// Latest time, nanoseconds from the start of the run.
+    pub until_ns: u64,
 }
 
 impl Act {
@@ -41,10 +62,32 @@ impl Act {
         })
     }
 
-    /// Name of the action in errors.
-    pub(super) fn name(&self) -> String {
-        format!("what was to be written to {} at {} s", self.event.buffer, self.at_ns as f64 * 1e-9)
+    /// Name of the action in errors, at one of its times.
+    pub(super) fn name(&self, at_ns: u64) -> String {
+        format!("what was to be written to {} at {} s", self.event.buffer, at_ns as f64 * 1e-9)
     }
+
+    /// The request that begins or ends a fault on demand; `None` for other actions.
+    fn fault(&self) -> Option<&rcs::Override> {
+        self.event.message.get::<rcs::Override>().filter(|change| change.fault.is_some())
+    }
+}
+
+/// Whether a request of a fault begins it.
+fn is_begin(change: &rcs::Override) -> bool {
+    change.mode() != Mode::Release
+}
+
+/// A fault on demand as the command line writes it, without value and time: `wm1:frozen`.
+pub(super) fn fault_name(change: &rcs::Override) -> String {
+    let target = if change.process.is_empty() { &change.buffer } else { &change.process };
+    let kind = change.fault.as_ref().map(|fault| kind_name(fault.kind())).unwrap_or_default();
+    format!("{target}:{kind}")
+}
+
+/// The name of a kind of fault in a file and on the command line.
+pub(super) fn kind_name(kind: Kind) -> String {
+    kind.as_str_name().to_lowercase()
 }
 
 /// An entry of the file.
@@ -56,44 +99,83 @@ struct Entry {
     message: serde_json::Value,
     /// Period with which the action is repeated, s.
     every_s: Option<f64>,
-    /// End of the repetition, s.
+    /// End of the repetition, s; that of the run by default.
     until_s: Option<f64>,
 }
 
-/// Refuses faults on demand that do not fit the run, before it begins.
-fn check_faults(run: &Stepped, acts: &[Act]) -> anyhow::Result<()> {
-    let is_begin =
-        |change: &rcs::Override| change.fault.is_some() && change.mode() != rcs::r#override::Mode::Release;
-    let begins = acts.iter().filter(|act| act.event.message.get::<rcs::Override>().is_some_and(is_begin));
-    begins
-        .map(|act| run.check(&act.event))
-        .try_for_each(|checked| checked.map_err(|error| usage(error.to_string())))
+/// Refuses faults on demand that do not fit the stack, before anything runs or is recorded. What else keeps the stack from
+/// running is an error of the run.
+pub(crate) fn check_faults(plan: &Arc<Plan>, log: Option<&Log>, acts: &[Act]) -> anyhow::Result<()> {
+    let begins: Vec<&Act> = acts.iter().filter(|act| act.fault().is_some_and(is_begin)).collect();
+    if begins.is_empty() {
+        return Ok(());
+    }
+    let options = RunOptions { threads: 1, ..stacks::options() };
+    let Ok(run) = Stepped::new(Arc::clone(plan), log, options) else { return Ok(()) };
+    begins.iter().try_for_each(|act| run.check(&act.event).map_err(|error| usage(error.to_string())))
+}
+
+/// Each time of each action in nanoseconds from the start of the run, with the index of the action, in order of time.
+/// Actions of one time keep their order.
+pub(super) fn times(acts: &[Act]) -> impl Iterator<Item = (u64, usize)> {
+    let first = acts.iter().enumerate().map(|(index, act)| Reverse((act.at_ns, index)));
+    let mut due: BinaryHeap<Reverse<(u64, usize)>> = first.collect();
+    std::iter::from_fn(move || {
+        let Reverse((at_ns, index)) = due.pop()?;
+        if let Some(Repetition { every_ns, until_ns }) = acts[index].repeated
+            && at_ns + every_ns <= until_ns
+        {
+            due.push(Reverse((at_ns + every_ns, index)));
+        }
+        Some((at_ns, index))
+    })
 }
 
 /// Begins the run, and runs until the end, or until the referee of a course has decided; executes the actions on the way.
+/// Returns the warnings about those that the run did not reach ([`undone`]).
 pub(crate) fn go_to_the_end(
     run: &mut Stepped,
     until_s: Option<f64>,
     acts: &[Act],
     stop: Stop<'_>,
-) -> anyhow::Result<()> {
-    check_faults(run, acts)?;
+) -> anyhow::Result<Vec<String>> {
     run.begin()?;
     let end = runs::end(run, until_s);
-    for act in acts {
-        let at = run.start().after_ns(act.at_ns);
-        if end.is_some_and(|end| at > end) {
-            break;
+    for (at_ns, index) in times(acts) {
+        let at = run.start().after_ns(at_ns);
+        let is_after_end = end.is_some_and(|end| at > end);
+        if !runs::go_to(run, end, at, stop)? || is_after_end {
+            return Ok(undone(acts, (at_ns, index), run.now().seconds_since(run.start())));
         }
-        if !runs::go_to(run, end, at, stop)? {
-            return Ok(());
-        }
+        let act = &acts[index];
         let newest = run.buffers().iter().find(|buffer| buffer.name() == &*act.event.buffer);
         let event = act.event_after(newest.and_then(|buffer| buffer.latest()));
-        event.and_then(|event| Ok(run.take(event)?)).with_context(|| act.name())?;
+        event.and_then(|event| Ok(run.take(event)?)).with_context(|| act.name(at_ns))?;
     }
     runs::go_to(run, end, Stamp::MAX, stop)?;
-    Ok(())
+    Ok(Vec::new())
+}
+
+/// Warnings about the actions that were never done because the run ended before the time and index `from`: one about each
+/// fault that did not begin, and one about all other actions. A fault that did not end is none of them.
+pub(super) fn undone(acts: &[Act], from: (u64, usize), end_s: f64) -> Vec<String> {
+    let after = format!("after the end of the run at {} s", format::number(end_s));
+    let at_s = |act: &Act| format::number(act.at_ns as f64 * 1e-9);
+    let left = acts.iter().enumerate().filter(|(index, act)| (act.at_ns, *index) >= from);
+    let (faults, others): (Vec<&Act>, Vec<&Act>) =
+        left.map(|(_, act)| act).partition(|act| act.fault().is_some());
+    let mut warnings = Vec::new();
+    for act in faults {
+        if let Some(change) = act.fault().filter(|change| is_begin(change)) {
+            warnings.push(format!("the fault {} begins at {} s, {after}", fault_name(change), at_s(act)));
+        }
+    }
+    if let Some(&first) = others.first() {
+        let (count, buffer) = (others.len(), &first.event.buffer);
+        warnings
+            .push(format!("acts not done: {count}, the first one on {buffer} at {} s, {after}", at_s(first)));
+    }
+    warnings
 }
 
 /// Reads a file of actions and checks them against the stack. Actions are sorted by time.
@@ -103,7 +185,7 @@ pub(super) fn read(path: &Path, plan: &Plan) -> anyhow::Result<Vec<Act>> {
     parse(&text, plan).map_err(refused)
 }
 
-/// The actions in a text, sorted by time; an error says which one is wrong.
+/// The actions in a text, sorted by their first time; an error says which one is wrong.
 pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
     let entries: Vec<Entry> =
         serde_json::from_str(text).map_err(|error| format!("the acts cannot be read: {error}"))?;
@@ -111,25 +193,31 @@ pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
     for (number, entry) in entries.into_iter().enumerate() {
         let refused = |text: String| format!("act {}: {text}", number + 1);
         let seconds = |value: f64, what: &str| {
-            let good = value.is_finite() && (0.0..=1e6).contains(&value);
+            let good = value.is_finite() && (0.0..=LATEST_S).contains(&value);
             good.then(|| (value * 1e9).round() as u64)
                 .ok_or_else(|| refused(format!("{what} is {value}; expected seconds from 0 to 1e6")))
         };
         let (message, fields) = message(&entry, plan).map_err(refused)?;
         let event = ExternalEvent::operator(entry.buffer.as_str(), message);
-        let mut at_ns = seconds(entry.at_s, "at_s")?;
-        let every_ns = seconds(entry.every_s.unwrap_or(0.0), "every_s")?;
-        let until_ns = seconds(entry.until_s.unwrap_or(entry.at_s), "until_s")?;
-        loop {
-            acts.push(Act { at_ns, event: event.clone(), fields: fields.clone() });
-            at_ns += every_ns;
-            if every_ns == 0 || at_ns > until_ns {
-                break;
+        let at_ns = seconds(entry.at_s, "at_s")?;
+        let repeated = match (entry.every_s, entry.until_s) {
+            (None, None) => None,
+            (None, Some(_)) => return Err(refused("until_s is given without every_s".to_owned())),
+            (Some(every_s), _) if every_s < SHORTEST_S => {
+                return Err(refused(format!("every_s is {every_s}; expected at least {SHORTEST_S}")));
             }
-            if acts.len() > MOST {
-                return Err(refused(format!("it is done more than {MOST} times")));
+            (_, Some(until_s)) if until_s < entry.at_s => {
+                let at_s = entry.at_s;
+                return Err(refused(format!(
+                    "until_s is {until_s}; expected at least at_s, which is {at_s}"
+                )));
             }
-        }
+            (Some(every_s), until_s) => Some(Repetition {
+                every_ns: seconds(every_s, "every_s")?,
+                until_ns: seconds(until_s.unwrap_or(LATEST_S), "until_s")?,
+            }),
+        };
+        acts.push(Act { at_ns, repeated, event, fields });
     }
     acts.sort_by_key(|act| act.at_ns);
     Ok(acts)

@@ -1,6 +1,6 @@
 //! `ocu run --live`: runs a stack on threads in real time, without a window.
 
-use super::acts::Act;
+use super::acts::{self, Act};
 use super::report::{Outcome, Report};
 use super::{Done, save_one, what};
 use crate::cli::RunArgs;
@@ -39,7 +39,10 @@ pub(super) fn run(
     let buffer = |name: &str| live.bus().get(name).cloned();
     let saves: Vec<_> = args.save.iter().map(|save| (save, buffer(&save.buffer))).collect();
     let referee = referee.and_then(|index| buffer(&live.plan().buffers[index].spec.name));
-    let mut failure = drive(&live, args, referee.as_ref(), acts).err();
+    let (undone, mut failure) = match drive(&live, args, referee.as_ref(), acts) {
+        Ok(undone) => (undone, None),
+        Err(error) => (Vec::new(), Some(error)),
+    };
     let stopped = live.stop();
     match stopped.recording {
         Some(Err(error)) => {
@@ -63,19 +66,21 @@ pub(super) fn run(
     let outcome = if failure.is_some() || !stopped.hung.is_empty() { Outcome::Error } else { Outcome::End };
     let mut report =
         Report::new(stopped.summary, outcome, clock.elapsed().as_secs_f64()).with_timings(&stopped.timings);
+    report.warnings.extend(undone);
     let verdict = referee.as_ref().and_then(runs::verdict);
     report.runs.extend(verdict.map(|verdict| RunReport::new(seed, &verdict, report.hash.clone())));
     let memory = crate::remembered::Remembered::default();
     Done { report, verdict: None, failure, unsaved: None, memory }.print(args, out)
 }
 
-/// Executes the actions of the operator, each at its time, until the end.
+/// Executes the actions of the operator, each at its times, until the end. Returns warnings about those that it did not
+/// reach.
 fn drive(
     live: &Live,
     args: &RunArgs,
     referee: Option<&Arc<rcs_bus::Buffer>>,
     acts: &[Act],
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<String>> {
     let until_s = args.until;
     let recording_error = || live.recording().filter(|_| !args.keep_going).and_then(|status| status.error);
     let decided = || {
@@ -94,20 +99,27 @@ fn drive(
         }
     };
     let end_ns = until_s.map(|seconds| (seconds * 1e9).round() as u64);
-    for act in acts {
-        if end_ns.is_some_and(|end_ns| act.at_ns > end_ns) {
+    let mut left = None;
+    for (at_ns, index) in acts::times(acts) {
+        let is_after_end = end_ns.is_some_and(|end_ns| at_ns > end_ns);
+        if !is_after_end {
+            wait_until(Some(at_ns));
+        }
+        if is_after_end || decided() || recording_error().is_some() {
+            left = Some((at_ns, index));
             break;
         }
-        wait_until(Some(act.at_ns));
-        if decided() || recording_error().is_some() {
-            break;
-        }
+        let act = &acts[index];
         let newest = live.bus().get(&act.event.buffer).and_then(|buffer| buffer.latest());
         let event = act.event_after(newest);
-        event.and_then(|event| Ok(live.take(event)?)).with_context(|| act.name())?;
+        event.and_then(|event| Ok(live.take(event)?)).with_context(|| act.name(at_ns))?;
     }
     if recording_error().is_none() {
         wait_until(end_ns);
     }
-    recording_error().map_or(Ok(()), |error| Err(anyhow::anyhow!("the recording failed: {error}")))
+    if let Some(error) = recording_error() {
+        return Err(anyhow::anyhow!("the recording failed: {error}"));
+    }
+    let end_s = live.now().seconds_since(live.started());
+    Ok(left.map(|from| acts::undone(acts, from, end_s)).unwrap_or_default())
 }

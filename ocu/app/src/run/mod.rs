@@ -43,6 +43,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
     acts.extend(faults::acts(&args.faults.faults, &plan)?);
     acts.sort_by_key(|act| act.at_ns);
+    acts::check_faults(&plan, log.as_ref(), &acts)?;
     if args.live {
         let referee = runs::referee(&plan);
         return live::run(args, plan, referee, &acts, out);
@@ -234,7 +235,7 @@ impl Done {
         if failure.is_some() {
             report.outcome = Outcome::Error;
         }
-        let printed = crate::despite_closed_output(report.print(args.json, out));
+        let printed = crate::despite_closed_output(report.print(args.json, args.runs > 1, out));
         if let Some(error) = failure {
             return Err(error);
         }
@@ -275,14 +276,19 @@ impl Ready<'_> {
         let mut run = Stepped::new(Arc::clone(&self.plan), self.log.as_ref(), options)
             .context("the stack cannot run")?;
         let recording = recorded.map(|path| record(self.args, &run, &path)).transpose()?;
-        let failure = self.to_the_end(&mut run, recording.as_ref()).err();
+        let (undone, failure) = match self.to_the_end(&mut run, recording.as_ref()) {
+            Ok(undone) => (undone, None),
+            Err(error) => (Vec::new(), Some(error)),
+        };
         let times = (recording, clock, seed);
-        Ok(Done::new(&run, self.args, Outcome::End, failure, self.log.as_ref(), times, is_again))
+        let mut done = Done::new(&run, self.args, Outcome::End, failure, self.log.as_ref(), times, is_again);
+        done.report.warnings.extend(undone);
+        Ok(done)
     }
 
     /// Runs until the recording has no more messages to process, until `--until`, or until the referee of a course has
-    /// decided; executes the actions of the operator on the way.
-    fn to_the_end(&self, run: &mut Stepped, recording: Option<&Recording>) -> anyhow::Result<()> {
+    /// decided; executes the actions of the operator on the way. Returns warnings about those that it did not reach.
+    fn to_the_end(&self, run: &mut Stepped, recording: Option<&Recording>) -> anyhow::Result<Vec<String>> {
         let recording = recording.filter(|_| !self.args.keep_going);
         acts::go_to_the_end(run, self.args.until, &self.acts, Stop { recording, cancelled: None })
     }

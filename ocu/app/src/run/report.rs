@@ -187,26 +187,29 @@ impl Report {
         self
     }
 
-    /// Prints the report, as JSON or for a person.
-    pub(super) fn print(&self, json: bool, out: &mut dyn Write) -> anyhow::Result<()> {
+    /// Prints the report, as JSON or for a person. Of the last one of several runs (`is_last`), a person is told what is of
+    /// this run alone.
+    pub(super) fn print(&self, json: bool, is_last: bool, out: &mut dyn Write) -> anyhow::Result<()> {
         if json {
             serde_json::to_writer_pretty(&mut *out, self).context("cannot write the report")?;
             writeln!(out)?;
             return Ok(());
         }
-        self.human(out)
+        self.human(is_last, out)
     }
 
-    fn human(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+    fn human(&self, is_last: bool, out: &mut dyn Write) -> anyhow::Result<()> {
         let outcome = match self.outcome {
             Outcome::End => "end",
             Outcome::Error => "error",
         };
+        let of_last = if is_last { " of the last run" } else { "" };
         let speed = self.time_s / self.wall_s.max(1e-9);
         writeln!(out, "outcome  {outcome}")?;
         let (time, wall) = (format::elapsed(self.time_s), format::elapsed(self.wall_s));
-        writeln!(out, "time     {time} in {wall} (× {})", format::number((speed * 10.0).round() / 10.0))?;
-        writeln!(out, "hash     {}", self.hash)?;
+        let speed = format::number((speed * 10.0).round() / 10.0);
+        writeln!(out, "time     {time} in {wall} (× {speed}){of_last}")?;
+        writeln!(out, "hash     {}{of_last}", self.hash)?;
         if let Some(log) = &self.log {
             let lost = format!("{}, {} messages known", format::bytes(log.lost.bytes), log.lost.messages);
             writeln!(out, "log      damaged; lost {lost}")?;
@@ -221,6 +224,9 @@ impl Report {
         if !self.runs.is_empty() {
             human_runs(&self.runs, out)?;
         }
+        if is_last {
+            writeln!(out, "processes{of_last}")?;
+        }
         self.human_processes(out)?;
         for (name, error) in self.processes.iter().filter_map(|it| Some((&it.name, it.error.as_ref()?))) {
             writeln!(out, "error: {name} is in ERROR: {}", plain(error))?;
@@ -229,6 +235,9 @@ impl Report {
             writeln!(out, "warning: {warning}")?;
         }
         writeln!(out)?;
+        if is_last {
+            writeln!(out, "buffers{of_last}")?;
+        }
         self.human_buffers(out)
     }
 

@@ -490,17 +490,6 @@ fn a_button_drives_while_it_is_pressed_and_only_while_time_runs() {
     assert!(harness.query_by_label_contains("Time stands").is_some());
 }
 
-#[test]
-fn the_drive_view_says_how_the_vehicle_and_the_course_stand() {
-    let harness = driving("drive");
-    for text in ["FREE TO MOVE", "RUNNING", "meadow", "you"] {
-        assert!(harness.query_by_label(text).is_some(), "{text}");
-    }
-    for text in ["0:42.3 of 4:00.0", "63.9 m", "expected at most 1.3", "Esc to keep it standing"] {
-        assert!(harness.query_by_label_contains(text).is_some(), "{text}");
-    }
-}
-
 /// The written messages of a buffer.
 fn written(harness: &Harness<'_, Shown>, buffer: &str) -> Vec<f64> {
     let controls = harness.state().controls.iter();

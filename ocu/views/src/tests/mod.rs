@@ -4,6 +4,7 @@ mod access;
 mod behaviour;
 mod compares;
 mod conditions;
+mod drives;
 mod edits;
 mod hostile;
 mod log_lines;

@@ -39,7 +39,17 @@ impl WaypointGenerator {
             }
         }
         let (global, local) = (&params.global_frame, &params.local_frame);
-        if let Ok(pose) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) {
+        let mut placed = self.frames.lookup(global, local, cx.now(), f64::INFINITY);
+        // After `INIT` no frame is known, and the local one may be sent only once. Of several messages, only the newest can
+        // be read again. What is refused in it has been reported before.
+        if placed.is_err()
+            && let Some(message) = cx.latest(&ports.transforms)
+        {
+            let _ = self.frames.add_transforms(&message, message.acq_time(), cx.now());
+            at = Some(message.acq_time());
+            placed = self.frames.lookup(global, local, cx.now(), f64::INFINITY);
+        }
+        if let Ok(pose) = placed {
             self.global_from_local = Some((pose, at.unwrap_or(cx.now())));
         }
     }

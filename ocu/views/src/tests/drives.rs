@@ -1,0 +1,39 @@
+//! What the drive view says of the vehicle and its course.
+
+use super::{Shown, harness};
+use crate::samples;
+use egui::{Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use rcs_msg::rcs::VehicleStatus;
+use rcs_runtime::source::Frame;
+
+fn drive(frame: Frame) -> Harness<'static, Shown> {
+    let mut harness = harness(Shown::new("drive", frame), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    harness
+}
+
+#[test]
+fn the_drive_view_says_how_the_vehicle_and_the_course_stand() {
+    let harness = drive(samples::driving());
+    for text in ["FREE TO MOVE", "RUNNING", "meadow", "you"] {
+        assert!(harness.query_by_label(text).is_some(), "{text}");
+    }
+    for text in ["0:42.3 of 4:00.0", "63.9 m", "expected at most 1.3", "Esc to keep it standing"] {
+        assert!(harness.query_by_label_contains(text).is_some(), "{text}");
+    }
+}
+
+#[test]
+fn a_speed_and_a_turn_rate_that_no_sensor_tells_are_dashes() {
+    let mut frame = samples::driving();
+    let status = VehicleStatus { speed_mps: f64::NAN, yaw_rate_radps: f64::NAN, ..VehicleStatus::default() };
+    let vehicle = samples::topic("/vehicle_interface/vehicle", 50.0, 0.02, status);
+    let others = frame.topics.iter().filter(|topic| topic.name != vehicle.name).cloned();
+    frame.topics = others.chain([vehicle.clone()]).collect();
+    let harness = drive(frame);
+    for text in ["– m/s", "– °/s"] {
+        assert!(harness.query_by_label_contains(text).is_some(), "{text}");
+    }
+}

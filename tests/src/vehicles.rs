@@ -1,0 +1,54 @@
+//! The bundled stacks with other vehicles than that of the bundled courses: what they take from the vehicle file.
+
+use crate::bundled::Repository;
+use rcs_runtime::{Asset, Assets, Plan, PlanOptions, StackFile};
+
+/// The bundled files, with a vehicle of a test.
+struct WithVehicle(String);
+
+impl Assets for WithVehicle {
+    fn read(&self, kind: &str, name: &str, beside: &str) -> Result<Asset, String> {
+        let asset = Repository.read(kind, name, beside)?;
+        Ok(if kind == "vehicle" { Asset { text: self.0.clone(), ..asset } } else { asset })
+    }
+}
+
+/// The vehicle `lagr` with other greatest speeds of vehicle and wheels, m/s.
+fn vehicle(max_speed_mps: f64, max_wheel_speed_mps: f64) -> WithVehicle {
+    let mut text = Repository.read("vehicle", "lagr", "").unwrap().text;
+    for (before, after) in [
+        ("\nmax_speed_mps = 1.3\n", format!("\nmax_speed_mps = {max_speed_mps:?}\n")),
+        ("\nmax_wheel_speed_mps = 1.8\n", format!("\nmax_wheel_speed_mps = {max_wheel_speed_mps:?}\n")),
+    ] {
+        assert!(text.contains(before), "{before}");
+        text = text.replace(before, &after);
+    }
+    WithVehicle(text)
+}
+
+fn planned(stack: &str, vehicle: &WithVehicle) -> Plan {
+    let asset = Repository.read("stack", stack, "").unwrap();
+    let file = StackFile::compose(&asset.file, &asset.text, vehicle).unwrap();
+    let options = PlanOptions { overrides: &[], course: Some("meadow"), assets: vehicle };
+    Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The number that a process has for a parameter.
+fn param(plan: &Plan, process: &str, name: &str) -> f64 {
+    let process = plan.processes.iter().find(|planned| &*planned.name == process).expect(process);
+    process.params.value().unwrap().field(name).and_then(rcs_msg::Value::as_f64).expect(name)
+}
+
+#[test]
+fn who_drives_and_the_vehicle_interface_have_the_greatest_speeds_of_the_vehicle() {
+    for (speed_mps, wheel_mps) in [(2.0, 2.5), (0.8, 0.9)] {
+        let vehicle = vehicle(speed_mps, wheel_mps);
+        let plan = planned("lagr", &vehicle);
+        assert_eq!(param(&plan, "vehicle_interface", "max_speed_mps"), speed_mps);
+        assert_eq!(param(&plan, "vehicle_interface", "max_wheel_speed_mps"), wheel_mps);
+        assert_eq!(param(&plan, "waypoint_follower", "max_speed_mps"), speed_mps);
+        let plan = planned("truth_driver", &vehicle);
+        assert_eq!(param(&plan, "vehicle_interface", "max_speed_mps"), speed_mps);
+        assert_eq!(param(&plan, "truth_driver", "vehicle_speed_mps"), speed_mps);
+    }
+}
