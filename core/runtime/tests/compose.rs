@@ -106,6 +106,12 @@ fn a_stack_without_parts_stays_as_it_is_written() {
 }
 
 #[test]
+fn an_argument_in_a_comment_after_a_value_is_not_substituted() {
+    let text = "format = 1\nname = \"plain # 1\" # ${side}\n";
+    assert_eq!(compose(text).unwrap().text, text);
+}
+
+#[test]
 fn what_is_wrong_with_an_include_is_said_with_its_file_and_line() {
     let refused = |text: &str, expected: &str| {
         let error = compose(&format!("format = 1\nname = \"main\"\n{text}")).unwrap_err();
@@ -120,7 +126,12 @@ fn what_is_wrong_with_an_include_is_said_with_its_file_and_line() {
     refused("[[include]]\npart = \"loop\"\n", "loop.toml:5: loop.toml includes itself");
     refused("[[include]]\npart = \"broken\"\n", "broken.toml:2:");
     refused("[change.nobody]\nlatency_ms = 1.0\n", "main.toml:3: there is no process \"nobody\" to change");
-    refused("[[process]]\nname = \"p_${side}\"\n", "main.toml:4: there is no argument \"side\"");
+    refused(
+        "[[process]]\nname = \"p_${side}\"\n",
+        "main.toml:4: there is no argument \"side\"; this file declares no arguments",
+    );
+    refused("[x]\na = \"# ${side}\"\n", "main.toml:4: there is no argument \"side\"");
+    refused("[x]\na = \"\"\"\n# ${side}\n\"\"\"\n", "main.toml:5: there is no argument \"side\"");
     refused("[[process]]\nname = \"p_${side\"\n", "main.toml:4: ${ is not closed");
     refused("[[include]]\npart = \"pair\"\nwidth = 2\n", "main.toml:5: unknown field");
 }

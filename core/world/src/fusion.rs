@@ -27,7 +27,7 @@ pub struct Weighted {
     /// The source.
     pub source: Source,
     /// Its confidences count by it: `W` of the papers. At 0 the source is off; for one of kind
-    /// [`SourceKind::Override`] any other weight is as good as 1.
+    /// [`SourceKind::Override`] every weight above 0 counts as 1.
     pub weight: f32,
     /// How its evidence is used.
     pub kind: SourceKind,

@@ -63,6 +63,7 @@ pub mod tune;
 pub mod window;
 
 use cli::{Cli, Command};
+use rcs_eval::EvalError;
 use rcs_log::LogError;
 use rcs_runtime::source::SourceError;
 use rcs_runtime::{RunError, StackError};
@@ -73,7 +74,8 @@ pub const BUILD: &str = concat!("ocu ", env!("CARGO_PKG_VERSION"));
 
 /// Exit code of a run that failed.
 pub const FAILED: u8 = 1;
-/// Exit code of wrong usage: arguments, stacks or layouts that are refused before anything runs.
+/// Exit code of wrong usage: arguments, stacks or layouts that are refused before anything runs, and files that cannot be
+/// opened.
 pub const USAGE: u8 = 2;
 
 /// Exit code of a command that succeeded on a partly damaged recording.
@@ -211,9 +213,12 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     })
 }
 
-/// Whether a recording was refused before anything was written.
-fn is_refused_output(error: &LogError) -> bool {
-    matches!(error, LogError::Exists { .. } | LogError::Busy { .. })
+/// Whether a recording cannot be opened, or was refused before anything was written.
+fn is_refused(error: &LogError) -> bool {
+    matches!(
+        error,
+        LogError::Open { .. } | LogError::NotALog { .. } | LogError::Exists { .. } | LogError::Busy { .. }
+    )
 }
 
 fn code_of(error: &anyhow::Error) -> u8 {
@@ -221,8 +226,9 @@ fn code_of(error: &anyhow::Error) -> u8 {
         cause.is::<Usage>()
             || cause.is::<StackError>()
             || cause.is::<layout::LayoutError>()
-            || cause.downcast_ref().is_some_and(is_refused_output)
-            || matches!(cause.downcast_ref(), Some(RunError::Log(error)) if is_refused_output(error))
+            || cause.downcast_ref().is_some_and(is_refused)
+            || matches!(cause.downcast_ref(), Some(EvalError::Read { .. }))
+            || matches!(cause.downcast_ref(), Some(RunError::Log(error)) if is_refused(error))
             || matches!(cause.downcast_ref(), Some(RunError::Stack(_)))
             || matches!(cause.downcast_ref(), Some(SourceError::Run(RunError::Stack(_))))
     });

@@ -6,7 +6,7 @@ use crate::usage;
 use anyhow::Context as _;
 use rcs_msg::Value;
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
-use rcs_runtime::{BUILT_IN, PortDef, ProcessType};
+use rcs_runtime::{BUILT_IN, ChildDef, PortDef, ProcessType};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -16,10 +16,12 @@ struct PluginReport {
     name: &'static str,
     summary: &'static str,
     period_ms: f64,
+    latency_ms: f64,
     inputs: Vec<PortReport>,
     outputs: Vec<PortReport>,
     params_schema: String,
     params: Vec<ParamReport>,
+    children: Vec<ChildReport>,
     commands: Vec<CommandReport>,
 }
 
@@ -27,6 +29,8 @@ struct PluginReport {
 struct PortReport {
     name: &'static str,
     schema: String,
+    /// By which the window finds it; empty for none.
+    role: String,
     help: &'static str,
     /// Whether a stack must connect it; `false` for outputs.
     required: bool,
@@ -48,6 +52,14 @@ struct ParamReport {
     help: String,
 }
 
+/// A process that a stack assigns to it with `as`.
+#[derive(Debug, Serialize)]
+struct ChildReport {
+    name: &'static str,
+    how_many: &'static str,
+    help: &'static str,
+}
+
 #[derive(Debug, Serialize)]
 struct CommandReport {
     name: String,
@@ -66,7 +78,7 @@ pub fn plugins(args: &PluginsArgs, out: &mut dyn Write) -> anyhow::Result<()> {
         let mut table =
             Table::new(&[("plugin", Align::Left), ("period", Align::Right), ("what it does", Align::Left)]);
         for plugin in &reports {
-            table.row([plugin.name.to_owned(), period(plugin.period_ms), plugin.summary.to_owned()]);
+            table.row([plugin.name.to_owned(), milliseconds(plugin.period_ms), plugin.summary.to_owned()]);
         }
         table.write(out)?;
         writeln!(out, "\nocu plugins NAME tells its ports, parameters and commands.")?;
@@ -92,6 +104,10 @@ fn report(kind: &ProcessType) -> PluginReport {
     let port = |def: PortDef| PortReport {
         name: def.name,
         schema: def.schema.name().to_owned(),
+        role: match def.role {
+            Some(role) => role.name().to_owned(),
+            None => def.metadata.get("rcs.role").cloned().unwrap_or_default(),
+        },
         help: def.help,
         required: def.required,
         metadata: def.metadata,
@@ -100,15 +116,26 @@ fn report(kind: &ProcessType) -> PluginReport {
     if let Some(descriptor) = kind.params_schema().descriptor() {
         list(&specs(descriptor), "", &mut params);
     }
+    let child = |def: ChildDef| ChildReport {
+        name: def.name,
+        how_many: match (def.many, def.required) {
+            (true, _) => "any number",
+            (false, true) => "one",
+            (false, false) => "one, optional",
+        },
+        help: def.help,
+    };
     let commands = BUILT_IN.iter().chain(kind.commands());
     PluginReport {
         name: def.plugin,
         summary: def.summary,
         period_ms: def.period_ms,
+        latency_ms: def.latency_ms,
         inputs: kind.inputs().into_iter().map(port).collect(),
         outputs: kind.outputs().into_iter().map(port).collect(),
         params_schema: kind.params_schema().name().to_owned(),
         params,
+        children: kind.children().into_iter().map(child).collect(),
         commands: commands
             .map(|command| CommandReport {
                 name: command.name.to_owned(),
@@ -165,27 +192,33 @@ fn default_text(value: &Value) -> String {
     }
 }
 
-fn period(ms: f64) -> String {
+fn milliseconds(ms: f64) -> String {
     format!("{ms} ms")
 }
 
 fn range(param: &ParamReport) -> String {
-    let choices = || param.choices.join(", ");
-    match (param.min, param.max) {
-        (Some(min), Some(max)) => format!("{min} to {max}"),
-        (Some(min), None) => format!("from {min}"),
-        (None, Some(max)) => format!("to {max}"),
-        (None, None) => choices(),
+    match (&param.file, param.min, param.max) {
+        (Some(kind), ..) => format!("file: {kind}"),
+        (None, Some(min), Some(max)) => format!("{min} to {max}"),
+        (None, Some(min), None) => format!("from {min}"),
+        (None, None, Some(max)) => format!("to {max}"),
+        (None, None, None) => param.choices.join(", "),
     }
 }
 
 fn human(report: &PluginReport, out: &mut dyn Write) -> anyhow::Result<()> {
     writeln!(out, "{}: {}", report.name, report.summary)?;
-    writeln!(out, "period {} where a stack gives none\n", period(report.period_ms))?;
-    let mut ports =
-        Table::new(&[("port", Align::Left), ("", Align::Left), ("type", Align::Left), ("what", Align::Left)]);
+    let (period, latency) = (milliseconds(report.period_ms), milliseconds(report.latency_ms));
+    writeln!(out, "period {period} and latency {latency} where a stack gives no others\n")?;
+    let mut ports = Table::new(&[
+        ("port", Align::Left),
+        ("", Align::Left),
+        ("type", Align::Left),
+        ("role", Align::Left),
+        ("what", Align::Left),
+    ]);
     let row = |what: &str, port: &PortReport| {
-        [port.name.to_owned(), what.to_owned(), port.schema.clone(), port.help.to_owned()]
+        [port.name.to_owned(), what.to_owned(), port.schema.clone(), port.role.clone(), port.help.to_owned()]
     };
     for port in &report.inputs {
         ports.row(row(if port.required { "in" } else { "in, optional" }, port));
@@ -213,6 +246,15 @@ fn human(report: &PluginReport, out: &mut dyn Write) -> anyhow::Result<()> {
     }
     params.write(out)?;
     writeln!(out)?;
+    if !report.children.is_empty() {
+        let mut children =
+            Table::new(&[("child", Align::Left), ("how many", Align::Left), ("what", Align::Left)]);
+        for child in &report.children {
+            children.row([child.name.to_owned(), child.how_many.to_owned(), child.help.to_owned()]);
+        }
+        children.write(out)?;
+        writeln!(out)?;
+    }
     let mut commands =
         Table::new(&[("command", Align::Left), ("parameters", Align::Left), ("what", Align::Left)]);
     for command in &report.commands {

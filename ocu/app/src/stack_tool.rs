@@ -1,7 +1,7 @@
 //! `ocu stack`: shows the expanded stack file, or checks it without running it.
 
 use crate::cli::{Param, StackCheckArgs, StackCommand, StackShowArgs};
-use crate::stacks;
+use crate::{Usage, stacks};
 use anyhow::Context as _;
 use rcs_msg::Value;
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
@@ -68,6 +68,8 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
             findings.warnings.extend(differing_frames(&plan));
             findings.warnings.extend(plan.processes.iter().flat_map(unused_mounts));
         }
+        // There is no stack to check.
+        Err(error) if error.is::<Usage>() => return Err(error),
         Err(error) => findings.errors.push(crate::say(&error)),
     }
     if args.json {

@@ -195,7 +195,7 @@ fn repeat(recording: &Log, run: Option<&SweptRun>) -> anyhow::Result<Box<dyn Sou
 }
 
 /// The log with this identity, under any name, in the folder of the recording of a run that read it.
-fn beside(recording: &Path, identity: &str) -> anyhow::Result<Log> {
+pub(crate) fn beside(recording: &Path, identity: &str) -> anyhow::Result<Log> {
     let folder = recording.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut paths: Vec<_> = std::fs::read_dir(folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();

@@ -219,8 +219,6 @@ fn wrong_usage_is_told_from_a_failed_run() {
     assert_eq!(render("nonsense", "1"), 2);
     assert_eq!(render("default", "99"), 2);
     assert_eq!(render("default", "NaN"), 2);
-    assert_eq!(ocu(&["info", text(&absent)]).0, 1);
-    assert_eq!(ocu(&["run", "--stack", "sample", "--log", text(&absent)]).0, 1);
     assert!(!png.exists());
 }
 
@@ -236,7 +234,7 @@ fn errors_name_the_file_and_what_was_expected() {
     let not_a_log = dir.path().join("text.mcap");
     std::fs::write(&not_a_log, "hello").unwrap();
     let (code, _, errors) = ocu(&["info", text(&not_a_log)]);
-    assert_eq!(code, 1);
+    assert_eq!(code, 2);
     assert!(errors.starts_with("error: ") && errors.contains("text.mcap"), "{errors}");
 }
 
@@ -312,12 +310,12 @@ fn eval_stereo_refuses_what_does_not_fit() {
     check(&small, &[], 2, "left image is 96x48 pixels, right image 64x48");
     check(&right, &["--disparities", "112"], 2, "112 disparities do not fit into an image of 96 columns");
     check(&right, &["--disparities", "20"], 2, "expected a multiple of 16");
-    check(&right, &["--truth", &left], 1, "expected a grey PNG of 16 bits");
+    check(&right, &["--truth", &left], 2, "expected a grey PNG of 16 bits");
     check(&right, &["--truth", "disparity.tif"], 2, ".pfm, .png or .npz");
     let unknown = text(&dir.path().join("unknown.png")).to_owned();
     image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(96, 48).save(&unknown).unwrap();
     check(&right, &["--truth", &unknown], 1, "the truth has no pixel seen by both cameras");
-    check(&dir.path().join("none.png").to_string_lossy(), &[], 1, "none.png");
+    check(&dir.path().join("none.png").to_string_lossy(), &[], 2, "none.png");
     write("[1, 0.5, 0, 0, 1, 0, 0, 0, 1]");
     check(&right, &["--calib", &calib], 2, "right camera is not a rotation");
     write(straight);
@@ -453,7 +451,7 @@ fn eval_color_refuses_what_does_not_fit() {
     check(&[&image, &image, "--labels", &labels], 2, "2 images, but 1 label images");
     check(&[&image, "--labels", &small], 2, "labels are 64x48 pixels, their image 320x240");
     check(&[&image, "--labels", &image], 2, "labels are an image in colours");
-    check(&[&image, "--labels", "none.png"], 1, "cannot read none.png");
+    check(&[&image, "--labels", "none.png"], 2, "cannot read none.png");
     check(&[&black, "--labels", &labels], 1, "image is 100 % black");
     check(&[&image, "--labels", &labels, "--horizon", "120"], 2, "horizon is 120 %");
     check(

@@ -235,7 +235,7 @@ fn every_hostile_recording_is_drawn() {
             let args = ["--layout", layout, "--at", "0", "--size", "800x450", "-o", text(&png)];
             let args: Vec<&str> = ["render", text(&path)].into_iter().chain(args).collect();
             let done = ocu(&args).within(MOST_TIME_DRAWING, MOST_BYTES + DRIVER_BYTES);
-            assert_eq!(done.code, 0, "{name}: {}", done.errors);
+            assert!([0, 3].contains(&done.code), "{name}: {}", done.errors);
             assert!(png.is_file(), "{name}");
         }
     }
@@ -324,7 +324,7 @@ fn pipes_devices_and_texts_that_are_none_are_refused_at_once() {
     assert_eq!(ocu(&["run", "--stack", "simulation", "--until", "1", "--record", "/dev/null"]).code, 2);
     if made.is_ok_and(|status| status.success()) {
         assert_eq!(ocu(&["run", "--stack", text(&pipe), "--until", "1"]).code, 2);
-        assert_eq!(ocu(&["info", text(&pipe)]).code, 1);
+        assert_eq!(ocu(&["info", text(&pipe)]).code, 2);
         assert_eq!(ocu(&["run", "--stack", "simulation", "--until", "1", "--record", text(&pipe)]).code, 2);
     }
 }

@@ -128,7 +128,14 @@ fn a_run_on_a_log_replays_on_a_copy_of_it_and_refuses_another() {
         assert!(expected.iter().all(|part| errors.contains(part)), "{errors}");
     };
     check(&["--log", &other], &["another log", "other.mcap"]);
-    check(&[], &["on a log with the identity"]);
+    let beside = run(&["run", "--replay", &out, "--json"], 0);
+    assert_eq!(beside["hash"], recorded["hash"], "the log in the folder of the recording");
+    let elsewhere = tempfile::tempdir().unwrap();
+    let alone = elsewhere.path().join("run.mcap").to_str().unwrap().to_owned();
+    std::fs::copy(&out, &alone).unwrap();
+    let (code, _, errors) = ocu(&["run", "--replay", &alone]);
+    assert_eq!(code, 2, "{errors}");
+    assert!(errors.contains("expected --log") && errors.contains("on a log with the identity"), "{errors}");
     check(&["--log", &copy, "--seed", "4"], &["seed 3", "got 4"]);
     check(&["--log", &copy, "--stack", "husky"], &["another stack", "husky", "sample"]);
     check(&["--log", &copy, "--course", "hill"], &["--stack"]);
@@ -294,6 +301,9 @@ fn a_run_with_faults_replays_to_the_same_hash_and_a_fault_that_does_not_fit_is_r
         assert_eq!(code, 2, "{fault}: {errors}");
         assert!(errors.contains(part), "{fault}: {errors}");
     }
+    let live = ["run", "--live", "--stack", "simulation", "--until", "1", "--fault", "/vehicle/imu:late=100"];
+    let (code, _, errors) = ocu(&live);
+    assert!(code == 2 && errors.contains("a live run cannot deliver messages late"), "{code} {errors}");
 }
 
 #[test]

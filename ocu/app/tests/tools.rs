@@ -227,13 +227,25 @@ fn plugins_are_listed_and_one_is_told_in_full() {
     assert_eq!(code, 0);
     assert!(out.contains("max_range_m") && out.contains("1 to 200"), "{out}");
     assert!(out.contains("foxglove.CameraCalibration") && out.contains("INIT"), "{out}");
+    let labels = out.lines().find(|line| line.starts_with("labels ")).unwrap();
+    assert!(labels.contains(" labels ") && out.contains(" and latency "), "{out}");
     let (code, out, _) = ocu(&["plugins", "obstacles", "--json"]);
     assert_eq!(code, 0);
     let report = json(&out);
-    let expected =
-        ["commands", "inputs", "name", "outputs", "params", "params_schema", "period_ms", "summary"];
+    let expected = [
+        "children",
+        "commands",
+        "inputs",
+        "latency_ms",
+        "name",
+        "outputs",
+        "params",
+        "params_schema",
+        "period_ms",
+        "summary",
+    ];
     assert_eq!(keys(&report), expected);
-    assert_eq!(keys(&report["inputs"][0]), ["help", "metadata", "name", "required", "schema"]);
+    assert_eq!(keys(&report["inputs"][0]), ["help", "metadata", "name", "required", "role", "schema"]);
     let param = report["params"].as_array().unwrap().iter().find(|p| p["name"] == "max_range_m").unwrap();
     assert_eq!((&param["unit"], param["min"].as_f64()), (&"m".into(), Some(1.0)), "{param}");
     let all = json(&ocu(&["plugins", "--json"]).1);
@@ -338,6 +350,44 @@ fn a_check_reads_all_parts_of_a_split_recording() {
         let (code, out, errors) = ocu(&["stack", "check", text(&stack), "--log", text(named)]);
         assert_eq!(code, 0, "{out}{errors}");
     }
+}
+
+#[test]
+fn a_file_that_cannot_be_opened_is_wrong_usage_of_every_command() {
+    let dir = tempfile::tempdir().unwrap();
+    let [absent, out] = ["absent.mcap", "out.png"].map(|name| dir.path().join(name));
+    for command in [
+        "ABSENT",
+        "info ABSENT",
+        "check ABSENT",
+        "latency ABSENT",
+        "graph ABSENT",
+        "diff ABSENT ABSENT",
+        "cut ABSENT -o OUT",
+        "export ABSENT --fields /a.x -o OUT",
+        "render ABSENT --at 0 --size 64x64 -o OUT",
+        "run --stack sample --log ABSENT",
+        "run --replay ABSENT",
+        "sweep --stack sample --log ABSENT",
+        "tune --stack lagr --log ABSENT",
+        "stack show ABSENT",
+        "stack check ABSENT",
+        "stack check sample --log ABSENT",
+        "eval classify --log ABSENT --truth-topic /a",
+        "eval color --image ABSENT --labels ABSENT --ground-ids 1",
+        "eval obstacles ABSENT",
+        "eval plan --map ABSENT --scen ABSENT",
+        "eval stereo --left ABSENT --right ABSENT",
+    ] {
+        let word = |word| match word {
+            "ABSENT" => text(&absent),
+            "OUT" => text(&out),
+            word => word,
+        };
+        let (code, _, errors) = ocu(&command.split(' ').map(word).collect::<Vec<_>>());
+        assert!(code == 2 && errors.contains("absent.mcap"), "{command}: {code} {errors}");
+    }
+    assert!(!out.exists());
 }
 
 /// A drive of 60 s along a free row, beside a row of obstacles that stereo is sure of once they are near. Terrain calls

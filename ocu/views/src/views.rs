@@ -14,7 +14,7 @@ const VIEWS: &[ViewType] = &[
         "map",
         "Map",
         icons::ICON_MAP,
-        "Maps, clouds, paths and tracks from above, north up.",
+        "Maps, clouds, paths and tracks from above: north up, or turned with the vehicle.",
     ),
     entry::<crate::scene::Scene>(
         "scene",

@@ -83,7 +83,7 @@ impl Process for WorldModel {
     type Command = WorldModelCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "world_model",
-        summary: "WM1: fuses the costs of all sources into one scrolling map",
+        summary: "Fuses the costs of all sources into one scrolling map",
         period_ms: 50.0,
         latency_ms: 4.0,
         reads_ground_truth: false,

@@ -108,7 +108,7 @@ pub struct EvalColorArgs {
 /// `ocu eval classify`
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  ocu eval classify --log run.mcap --truth-topic /front_left/ground_truth_labels --topic /classifier/classes\n  \
+    after_help = "Examples:\n  ocu eval classify --log run.mcap --truth-topic /front_left/ground_truth_labels --topic /classifier_left/classes\n  \
                         ocu eval classify --log drive.mcap --stack my_stack.toml --truth-topic /labels --json\n  \
                         ocu eval classify --stack learning --course meadow --until 40 \\\n    \
                         --truth-topic /front_left/ground_truth_labels --topic /classifier_left/classes\n\n\
@@ -170,7 +170,7 @@ pub struct EvalPlanArgs {
     /// Scenarios of the map: a .scen file of MovingAI
     #[arg(long, value_name = "S")]
     pub scen: PathBuf,
-    /// Print the result as JSON, which is done without it, too
+    /// Print the result as JSON. It is the only form
     #[arg(long)]
     pub json: bool,
 }

@@ -45,7 +45,8 @@ use std::sync::Arc;
                   ocu drive.mcap                        look at a recording\n  \
                   ocu drive.mcap --stack range_camera   run a stack on it and step both ways\n  \
                   ocu info drive.mcap                   say what it holds\n\n\
-                  Exit codes: 0 success, 1 the run failed, 2 wrong usage, 3 a recording that was read is damaged."
+                  Exit codes: 0 success, 1 the run failed or recordings differ, 2 wrong usage or a file that cannot be \
+                  opened, 3 a recording that was read is damaged."
 )]
 pub struct Cli {
     /// What to do; by default the window is opened.

@@ -8,10 +8,9 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --all\n\n\
                         Messages are compared by buffer and number; measured time is left out. What the recordings \
-                        say of their runs (stack, parameters, seed, build) is told first. Recordings of the \
-                        journal alone are refused. Exit codes: 0 the \
-                        recordings agree, 1 they differ, 3 they agree as far as they can be read, but one is \
-                        damaged.")]
+                         say of their runs (stack, parameters, seed, build) is told first. Recordings of the journal \
+                         alone are refused. Exit codes: 0 the recordings agree, 1 they differ, 2 one cannot be \
+                         opened, 3 they agree as far as they can be read, but one is damaged.")]
 pub struct DiffArgs {
     /// Recording; of one that was split, the folder or the first file
     pub first: PathBuf,
@@ -40,8 +39,8 @@ pub struct InfoArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu check drive.mcap --json\n\n\
                         Checked are the checksums of chunks, attachments, index and data, counts, times, message \
-                        indexes, and every message by its schema. Exit codes: 0 the recording is sound, 3 something \
-                        is wrong with it.")]
+                        indexes, and every message by its schema. Exit codes: 0 the recording is sound, 2 it cannot \
+                        be opened, 3 something is wrong with it.")]
 pub struct CheckArgs {
     /// Recording to check; of one that was split, the folder or the first file
     pub log: PathBuf,

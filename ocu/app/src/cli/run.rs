@@ -25,7 +25,9 @@ use std::sync::Arc;
                         Without until_s, it is repeated to the end of the run.\n\n\
                         --fault makes something go wrong, and the run shows what comes of it: --fault wm1:frozen@10..12, \
                         --fault /localization/local:dropped=0.3@5, --fault faults.toml with entries [[fault]] of \
-                        process or buffer, kind, from_s, to_s, delay_ms, every, probability, seed, field.")]
+                        process or buffer, kind, from_s, to_s, delay_ms, every, probability, seed, field.\n\n\
+                        Exit codes: 0 the run came to its end; 1 it failed, or a replay differs from its recording; 2 it \
+                        was refused, or a file cannot be opened; 3 a recording that was read is damaged.")]
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
 pub struct RunArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
@@ -55,7 +57,8 @@ pub struct RunArgs {
     /// Continue the run when recording fails, as on a full disk
     #[arg(long, requires = "record")]
     pub keep_going: bool,
-    /// Repeat a recorded run, and compare it with the recording; of one that was split, the folder or the first file
+    /// Repeat a recorded run, and compare it with the recording; of one that was split, the folder or the first file. The
+    /// log that the run read is found in the folder of the recording, or is named by --log
     #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "live", "acts", "faults"])]
     pub replay: Option<PathBuf>,
     /// Run in real time, with one thread per process

@@ -15,7 +15,9 @@ pub enum StackCommand {
     #[command(after_help = "Example:\n  ocu stack show simulation")]
     Show(StackShowArgs),
     /// Report everything that a run would refuse, and warn of probable mistakes
-    #[command(after_help = "Example:\n  ocu stack check my_stack.toml --log drive.mcap")]
+    #[command(after_help = "Example:\n  ocu stack check my_stack.toml --log drive.mcap\n\n\
+                            Exit codes: 0 a run would accept the stack, 1 a run would refuse it, 2 the stack or the \
+                            recording cannot be opened.")]
     Check(StackCheckArgs),
 }
 

@@ -7,11 +7,13 @@ use std::path::PathBuf;
 /// `ocu export`
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  ocu export drive.mcap --fields /vehicle/odometry.pose.position.x -o x.csv\n  \
-                        ocu export drive.mcap --fields /wm1/status.state 'smooth(/a.speed, 0.5)' --to 20 -o t.csv\n\n\
+    after_help = "Examples:\n  ocu export drive.mcap --fields /localization/local.pose.position.x -o x.csv\n  \
+                        ocu export run.mcap --to 20 -o t.csv \\\n    \
+                        --fields /wm1/status.state 'smooth(/vehicle_interface/vehicle.speed_mps, 0.5)'\n\n\
                         A row for each time at which a field has a value. States and texts are written by name. A field \
-                        may also be a formula, with the functions that the manual lists. Exit codes: 0 success, 3 the \
-                        recording is damaged and the table has what could be read."
+                        may also be a formula, with the functions that the manual lists, except spectrum. Exit codes: 0 \
+                        success, 2 the recording cannot be opened, 3 it is damaged and the table has what could be \
+                        read."
 )]
 pub struct ExportArgs {
     /// Recording to read; of one that was split, the folder or the first file

@@ -11,7 +11,8 @@ use std::path::PathBuf;
                   The maps of the drive tell what each source said of cells that the vehicle drove over, bumped into, \
                   or saw from near later. Weights are fitted to every other stretch of ten seconds and checked on \
                   the rest: they are kept if they do better there, too. The maps are those of the recording if it \
-                  has some, else the stack runs on it; --run lets it run in any case.\n\n\
+                  has some, else the stack runs on it; --run lets it run in any case. So drive.mcap is a recording of \
+                  lagr with its maps.\n\n\
                   The weight of the first range sensor stays, because only ratios of weights matter. The \
                   squared error without a source, beside that with all, says what the source is worth. A wrong \
                   judgement is a cost of an obstacle where the vehicle drove, or one of free ground where there was \

@@ -5,9 +5,10 @@ use super::report::{Outcome, Report};
 use super::{Done, save_one, what};
 use crate::cli::RunArgs;
 use crate::runs::{self, RunReport};
-use crate::{Ended, stacks};
+use crate::{Ended, stacks, usage};
 use anyhow::Context as _;
-use rcs_msg::rcs::CourseOutcome;
+use rcs_msg::rcs::fault::Kind;
+use rcs_msg::rcs::{CourseOutcome, Override};
 use rcs_runtime::{Live, LiveOptions, Plan, RunOptions};
 use std::io::Write;
 use std::sync::Arc;
@@ -24,6 +25,12 @@ pub(super) fn run(
     acts: &[Act],
     out: &mut dyn Write,
 ) -> anyhow::Result<Ended> {
+    let is_late = |change: &Override| change.fault.as_ref().is_some_and(|fault| fault.kind() == Kind::Late);
+    if acts.iter().any(|act| act.event.message.get::<Override>().is_some_and(is_late)) {
+        return Err(usage(
+            "a live run cannot deliver messages late; expected another fault, or a stepped run",
+        ));
+    }
     let base = stacks::options();
     let seed = args.seed.unwrap_or(0);
     let threads = args.threads.map_or(base.threads, usize::from);

@@ -19,7 +19,7 @@ use std::time::Instant;
 pub(super) fn run(
     args: &RunArgs,
     recording: &Path,
-    files: Files,
+    mut files: Files,
     out: &mut dyn Write,
 ) -> anyhow::Result<Ended> {
     let original = Log::open_parts(&parts::of(recording)?)?;
@@ -27,7 +27,16 @@ pub(super) fn run(
     for problem in recorded.problems() {
         tracing::warn!("{problem}");
     }
-    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+    let log = match (&args.log, recorded.info().log.as_str()) {
+        (None, "") => None,
+        (None, identity) => {
+            let log = stacks::beside(&original.info().path, identity);
+            let log = log.context("expected --log, or the log in the folder of the recording")?;
+            files.reads_log("the log", &log.info().path);
+            Some(log)
+        }
+        (Some(path), _) => Some(stacks::open_log(path)?),
+    };
     let asked = match &args.stack {
         Some(_) => plan(args, log.as_ref())?.0,
         None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,

@@ -1,6 +1,6 @@
 //! Arguments of a part: declared by the part, given by the file that includes it, substituted in the part's texts.
 
-use super::blocks::Block;
+use super::blocks::{Block, Scanner};
 use super::{StackError, one_of};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -45,8 +45,8 @@ impl Arguments {
             Problem::InPart(StackError::at(file, text, &span, error.message().trim().to_owned()))
         })?;
         if let Some(unknown) = given.keys().find(|name| !declared.arguments.contains_key(*name)) {
-            let names = one_of(declared.arguments.keys().map(String::as_str));
-            return Err(Problem::InInclude(format!("{file} has no argument {unknown:?}; expected {names}")));
+            let known = known(declared.arguments.keys());
+            return Err(Problem::InInclude(format!("{file} has no argument {unknown:?}; {known}")));
         }
         let mut values = BTreeMap::new();
         for (name, declaration) in declared.arguments {
@@ -61,17 +61,20 @@ impl Arguments {
         Ok(Self(values))
     }
 
-    /// Substitutes the values in the texts of a block.
+    /// Substitutes the values in the texts of a block, except in its comments.
     pub(super) fn fill(&self, block: &mut Block) -> Result<(), StackError> {
+        let mut scanner = Scanner::default();
         for line in &mut block.lines {
-            if line.text.trim_start().starts_with('#') || !line.text.contains("${") {
+            let (code, comment) = line.text.split_at(scanner.take(&line.text));
+            if !code.contains("${") {
                 continue;
             }
-            line.text = self.fill_line(&line.text).map_err(|message| StackError {
+            let filled = self.fill_line(code).map_err(|message| StackError {
                 file: line.origin.file.clone(),
                 line: line.origin.line,
                 message,
             })?;
+            line.text = filled + comment;
         }
         Ok(())
     }
@@ -92,10 +95,7 @@ impl Arguments {
                 continue;
             }
             let Some(value) = self.0.get(name) else {
-                return Err(format!(
-                    "there is no argument {name:?}; expected {}",
-                    one_of(self.0.keys().map(String::as_str))
-                ));
+                return Err(format!("there is no argument {name:?}; {}", known(self.0.keys())));
             };
             // A text that is only an argument takes the type of the argument.
             if let (Some(before), Some(after)) = (rest[..start].strip_suffix('"'), after.strip_prefix('"')) {
@@ -114,4 +114,12 @@ impl Arguments {
         filled.push_str(rest);
         Ok(filled)
     }
+}
+
+/// The arguments that a file declares, for error texts.
+fn known<'a>(names: impl ExactSizeIterator<Item = &'a String>) -> String {
+    if names.len() == 0 {
+        return "this file declares no arguments".to_owned();
+    }
+    format!("expected {}", one_of(names.map(String::as_str)))
 }

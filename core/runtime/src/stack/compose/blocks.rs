@@ -142,7 +142,7 @@ fn header_of(line: &str) -> Option<String> {
 
 /// Whether a line begins inside of an array, an inline table or a multi-line text.
 #[derive(Default)]
-struct Scanner {
+pub(super) struct Scanner {
     depth: usize,
     /// The quotes that end a multi-line text.
     text: Option<&'static str>,
@@ -153,11 +153,12 @@ impl Scanner {
         self.depth == 0 && self.text.is_none()
     }
 
-    fn take(&mut self, line: &str) {
+    /// Reads the next line; returns the length in bytes of what stands before its comment.
+    pub(super) fn take(&mut self, line: &str) -> usize {
         let mut rest = line;
         while !rest.is_empty() {
             if let Some(quotes) = self.text {
-                let Some(end) = rest.find(quotes) else { return };
+                let Some(end) = rest.find(quotes) else { break };
                 rest = &rest[end + quotes.len()..];
                 self.text = None;
                 continue;
@@ -167,10 +168,12 @@ impl Scanner {
                 rest = &rest[quotes.len()..];
                 continue;
             }
-            let Some(first) = rest.chars().next() else { return };
+            let Some(first) = rest.chars().next() else { break };
+            if first == '#' {
+                return line.len() - rest.len();
+            }
             rest = &rest[first.len_utf8()..];
             match first {
-                '#' => return,
                 '[' | '{' => self.depth += 1,
                 ']' | '}' => self.depth = self.depth.saturating_sub(1),
                 '"' => rest = after_text(rest, '"'),
@@ -178,6 +181,7 @@ impl Scanner {
                 _ => {}
             }
         }
+        line.len()
     }
 }
 
