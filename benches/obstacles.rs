@@ -48,7 +48,7 @@ fn column_scan(criterion: &mut Criterion) {
             bench.iter(|| {
                 let strip = |at| scan_strip(&image, &[], &rays, at, local_from_optical, &survey);
                 let strips: Vec<_> = (0..rays.strips()).map(strip).collect();
-                label_image(&strips, width, height)
+                label_image(&strips, &image)
             });
         });
     }

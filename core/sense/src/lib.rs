@@ -50,7 +50,10 @@ mod standing;
 mod worth;
 
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
-pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, read_calibration, upright};
+pub use extrinsics::{
+    Axes, Extrinsics, MAX_ROLL_DEG, MIN_UPRIGHT, OnItsSide, Rolled, camera_of, camera_roll_deg,
+    read_calibration, upright, upright_columns,
+};
 pub use image_check::{
     ImageCheck, ImageFault, check_exposure, check_size, fingerprint, fingerprint_of_texts, luma, size_of,
 };

@@ -49,6 +49,14 @@ pub enum LocalizerError {
         /// Greatest accepted age, s.
         max_age_s: f64,
     },
+    /// The mount of the parameters is for body axes, and the name of the frame says that its axes are optical.
+    #[error(
+        "frame {frame:?} is optical (z along the view), expected one with x forward, y left and z up for the fixed mount; let transforms place it instead"
+    )]
+    OpticalFrame {
+        /// Frame of the data.
+        frame: String,
+    },
 }
 
 /// The tree has a separate frame for the pose stream, because the stream's own frame may be a child of the vehicle.

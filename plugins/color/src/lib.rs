@@ -43,7 +43,8 @@
 //!
 //! Unusable data are reported as a fault and skipped: nothing is learned from them and nothing is sent. Such data are
 //! an image without calibration, of another size than its calibration, black, saturated, of an unknown encoding or one of
-//! depth, equal to the previous one or older than it, and an image at a time without a pose.
+//! depth, equal to the previous one or older than it, an image at a time without a pose, and one of a camera that is
+//! rolled by more than 45°.
 //!
 //! # Example
 //!

@@ -19,8 +19,8 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, ImageCheck, ImageFault, InOrder, Localizer, LocalizerError, OnItsSide, PosePorts, SensorTime,
-    camera_of, model_to_delete, read_calibration, upright,
+    Axes, ImageCheck, ImageFault, InOrder, Localizer, LocalizerError, OnItsSide, PosePorts, Rolled,
+    SensorTime, camera_of, model_to_delete, read_calibration, upright, upright_columns,
 };
 use rcs_world::GridView;
 use serde::{Deserialize, Serialize};
@@ -74,6 +74,8 @@ enum Unusable {
     Pose(#[from] LocalizerError),
     #[error(transparent)]
     OnItsSide(#[from] OnItsSide),
+    #[error(transparent)]
+    Rolled(#[from] Rolled),
 }
 
 impl Process for ColorModelLearner {
@@ -166,8 +168,10 @@ impl Process for ColorModelLearner {
             self.send_models(cx.now(), ports, cx);
         }
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
-        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
-            self.read_calibration(&calibration, cx);
+        if let Some(calibration) =
+            read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
+        {
+            self.read_calibration(&calibration, params, cx);
         }
         let Some(image) = cx.read_newest(&ports.image) else {
             return cx.exec("waits for an image");
@@ -186,8 +190,13 @@ impl Process for ColorModelLearner {
 }
 
 impl ColorModelLearner {
-    fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
-        let camera = camera_of(calibration);
+    fn read_calibration(
+        &mut self,
+        calibration: &CameraCalibration,
+        params: &ColorModelsParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let camera = camera_of(calibration, params.rectified);
         let camera = camera.map_err(|error| cx.fault(format!("calibration: {error}"))).ok();
         if camera != self.camera {
             self.camera = camera;
@@ -213,6 +222,7 @@ impl ColorModelLearner {
         let local_from_vehicle = self.vehicle(taken, params)?;
         let vehicle_from_camera =
             extrinsics(params).vehicle_from_sensor(&self.localizer, &image.frame_id, Axes::Optical, taken)?;
+        upright_columns(&vehicle_from_camera)?;
         let rays = self.rays.get_or_insert_with(|| Arc::new(rays(&camera))).clone();
 
         let rectangle = rectangle(params);

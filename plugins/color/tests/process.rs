@@ -476,6 +476,19 @@ fn a_first_image_from_the_future_does_not_make_the_next_one_old() {
 }
 
 #[test]
+fn an_image_of_a_camera_upside_down_or_on_its_side_is_skipped() {
+    let given = with_calibration([give(10, "/image", scene(MULCH, 1))]);
+    for (roll_deg, images) in [("180.0", 0), ("-90.0", 0), ("30.0", 1)] {
+        let params = [("color.pose.source", "POSE_FIXED"), ("color.mount.roll_deg", roll_deg)];
+        let mut run = begin(&given, 1, &params);
+        until(&mut run, 200);
+        let (count, last) = faults(&run);
+        assert_eq!((count, sent(&run) > 0), (1 - images, images == 1), "{roll_deg}: {last}");
+        assert!(images == 1 || last.contains("expected at most 45° either way"), "{roll_deg}: {last}");
+    }
+}
+
+#[test]
 fn an_image_without_a_pose_is_skipped() {
     let mut run = begin(&with_calibration([give(10, "/image", scene(MULCH, 1))]), 1, &[]);
     until(&mut run, 200);

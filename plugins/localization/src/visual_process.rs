@@ -68,7 +68,9 @@ enum Unusable {
     NoCalibration,
     #[error("calibration: {0}")]
     Calibration(#[from] CameraError),
-    #[error("the calibration has a distortion, expected a rectified image")]
+    #[error(
+        "the calibration has a distortion, expected a rectified image; if it is, set the parameter `rectified`"
+    )]
     Distorted,
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -110,8 +112,10 @@ impl Process for VisualMotion {
     fn cycle(&mut self, ports: &Ports, params: &VisualMotionParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), params.mount.as_ref());
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
-        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
-            self.camera = match camera_of(&calibration) {
+        if let Some(calibration) =
+            read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
+        {
+            self.camera = match camera_of(&calibration, params.rectified) {
                 Ok(camera) => Some(camera),
                 Err(error) => {
                     cx.fault(Unusable::from(error).to_string());

@@ -234,6 +234,13 @@ impl Strip {
         self.vote(points, colours, first, &survey.placement);
     }
 
+    /// Adds points whose labels are known, and their votes for cells.
+    pub(crate) fn add_labelled(&mut self, points: &[ScanPoint], labels: &[Label], placement: &Placement) {
+        let first = self.labels.len();
+        self.labels.extend_from_slice(labels);
+        self.vote(points, &[], first, placement);
+    }
+
     /// Finds the holes of a column whose labels start at `first`, and adds its votes for the ground map.
     fn find_holes(
         &mut self,

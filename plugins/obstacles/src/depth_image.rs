@@ -42,6 +42,8 @@ pub struct DepthImage<'a> {
     pub format: DepthFormat,
     /// The pixels.
     pub data: &'a [u8],
+    /// Whether the camera was upside down: the first row has the lowest rays instead of the last one.
+    pub is_upside_down: bool,
 }
 
 /// Why an image cannot be used.
@@ -78,7 +80,7 @@ pub enum DepthError {
 }
 
 impl<'a> DepthImage<'a> {
-    /// Checks size and encoding.
+    /// Checks size and encoding. The camera counts as upright.
     pub fn new(
         [width, height]: [usize; 2],
         step: usize,
@@ -96,7 +98,12 @@ impl<'a> DepthImage<'a> {
         if width == 0 || height == 0 || step < row || data.len() < expected {
             return Err(DepthError::Bytes { width, height, step, got: data.len(), expected });
         }
-        Ok(Self { width, height, step, format, data })
+        Ok(Self { width, height, step, format, data, is_upside_down: false })
+    }
+
+    /// Number of a row, counted from the lowest ray, for its number in the image, or the other way round.
+    fn flip(&self, row: usize) -> usize {
+        if self.is_upside_down { row } else { self.height - 1 - row }
     }
 
     /// Reads the depths of consecutive pixels of one row, m.
@@ -149,7 +156,7 @@ impl Rays {
 
 /// Labels one strip of columns. `rgb` is a colour image of the same size, three bytes per pixel, or empty;
 /// `local_from_optical` rotates the optical frame into the axes of the local frame. Labels are ordered column by
-/// column, each from the lowest row to the highest.
+/// column, each from the lowest ray to the highest.
 ///
 /// # Panics
 /// If the sizes of image, colours and rays differ.
@@ -171,7 +178,7 @@ pub fn scan_strip(
     let mut depths = [0.0_f32; STRIP_COLUMNS];
     let depths = &mut depths[..columns.len()];
     for row in 0..height {
-        let from_bottom = height - 1 - row;
+        let from_bottom = image.flip(row);
         image.depths(row, columns.start, depths);
         let rays = &rays.xy[row * rays.width + columns.start..row * rays.width + columns.end];
         for (i, (&depth, &[x, y])) in depths.iter().zip(rays).enumerate() {
@@ -186,21 +193,22 @@ pub fn scan_strip(
     let mut colours = vec![[0; 3]; if rgb.is_empty() { 0 } else { height }];
     for (u, column) in columns.zip(points.chunks_exact(height)) {
         for (from_bottom, colour) in colours.iter_mut().enumerate() {
-            *colour = rgb[(height - 1 - from_bottom) * image.width + u];
+            *colour = rgb[image.flip(from_bottom) * image.width + u];
         }
         result.add_column(column, &colours, survey);
     }
     result
 }
 
-/// The label image from all strips, one byte per pixel in row order.
-pub fn label_image(strips: &[Strip], width: usize, height: usize) -> Vec<u8> {
+/// The label image from all strips of a depth image, one byte per pixel in row order.
+pub fn label_image(strips: &[Strip], depth: &DepthImage<'_>) -> Vec<u8> {
+    let (width, height) = (depth.width, depth.height);
     let mut image = vec![Label::Invalid as u8; width * height];
     for (index, strip) in strips.iter().enumerate() {
         let first = index * STRIP_COLUMNS;
         let count = strip.labels.len() / height;
         for row in 0..height {
-            let from_bottom = height - 1 - row;
+            let from_bottom = depth.flip(row);
             let out = &mut image[row * width + first..row * width + first + count];
             for (i, pixel) in out.iter_mut().enumerate() {
                 *pixel = strip.labels[i * height + from_bottom] as u8;

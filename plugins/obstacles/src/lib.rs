@@ -42,7 +42,8 @@
 //! Cost: linear in pixels. The strips are fixed, so the result is the same bit for bit with any number of threads.
 //!
 //! Unusable data are reported as a fault and skipped, and nothing is sent: range data without a calibration, with one
-//! of another size, with an unknown encoding, without any valid range, or at a time without a pose. A colour image of
+//! of another size, with an unknown encoding, without any valid range, or at a time without a pose, depth images of a
+//! camera on its side (upside down it may be), and a cloud of an optical frame with a fixed mount. A colour image of
 //! another size is a fault, too, but then the map lacks only its colours.
 //!
 //! # Example

@@ -2,6 +2,7 @@
 
 use crate::columns::{KnownGround, Strip, Survey};
 use crate::cost_map::{Certainty, CostMap};
+use crate::depth_image::label_image;
 use crate::ground_map::{BorderRule, GROUND_CELL_M, GroundMap};
 use crate::negative::{Hole, HoleScan, NegativeParams};
 use crate::scan::{Label, ScanParams, ScanPoint};
@@ -65,6 +66,19 @@ fn both_borders_of_a_ditch_are_found_and_nothing_between_or_beyond_them() {
         let labelled = strips.iter().flat_map(|strip| &strip.labels);
         assert_eq!(obstacles, labelled.filter(|&&label| label == Label::Obstacle).count() as u64);
     }
+}
+
+#[test]
+fn a_camera_upside_down_sees_the_same_ditch_and_the_same_labels() {
+    let scene =
+        Scene::flat().with_ditch([2.6, -2.0], [3.0, 2.0], 0.6).with_box([5.0, -0.5, 0.0], [5.4, 0.5, 0.4]);
+    let (upright, turned) = (scene.look(), scene.look().upside_down());
+    let [expected, found] = [&upright, &turned].map(|view| look(view, &mut GroundMap::new().unwrap(), 1));
+    assert!(!expected.cells.is_empty());
+    assert_eq!((found.cells, found.pixels), (expected.cells, expected.pixels));
+    let mut labels = label_image(&found.strips, &turned.image());
+    labels.reverse();
+    assert!(labels == label_image(&expected.strips, &upright.image()), "labels differ");
 }
 
 #[test]

@@ -95,8 +95,10 @@ impl Process for LabelOverlay {
     fn cycle(&mut self, ports: &Ports, params: &LabelOverlayParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), params.mount.as_ref());
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
-        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
-            self.camera = match camera_of(&calibration) {
+        if let Some(calibration) =
+            read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
+        {
+            self.camera = match camera_of(&calibration, params.rectified) {
                 Ok(camera) => Some((calibration.frame_id.clone(), camera)),
                 Err(error) => {
                     cx.fault(Unusable::from(error).to_string());

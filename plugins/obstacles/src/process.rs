@@ -134,8 +134,10 @@ impl Process for Obstacles {
 
     fn cycle(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
-        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
-            self.read_calibration(&calibration, cx);
+        if let Some(calibration) =
+            read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
+        {
+            self.read_calibration(&calibration, params, cx);
         }
         let mut seen = false;
         if let Some(image) = cx.read_newest(&ports.depth) {
@@ -163,8 +165,13 @@ impl Process for Obstacles {
 }
 
 impl Obstacles {
-    fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
-        let camera = camera_of(calibration);
+    fn read_calibration(
+        &mut self,
+        calibration: &CameraCalibration,
+        params: &ObstaclesParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let camera = camera_of(calibration, params.rectified);
         let camera = camera.map_err(|error| cx.fault(Unusable::from(error).to_string())).ok();
         if camera != self.camera {
             self.camera = camera;
@@ -197,6 +204,7 @@ impl Obstacles {
             SensorTime::of(message),
             params,
         )?;
+        let image = DepthImage { is_upside_down: sensor_pose.is_upside_down, ..image };
         let rgb = colours(message, ports, cx);
         let turn = sensor_pose.local_from_sensor.rotation_matrix();
         let survey = self.survey(&sensor_pose, time, params, true);
@@ -211,7 +219,7 @@ impl Obstacles {
             height: message.height,
             encoding: "mono8".to_owned(),
             step: message.width,
-            data: label_image(&strips, size[0], size[1]).into(),
+            data: label_image(&strips, &image).into(),
         };
         cx.write(&ports.labels, time, labels);
         Ok(())

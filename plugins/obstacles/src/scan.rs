@@ -111,7 +111,7 @@ pub struct Start {
 /// Distance between the points of the ground profile, m.
 const PROFILE_STEP_M: f32 = 0.1;
 /// Maximum number of points that are examined for the slope of a surface.
-const LOOK_AHEAD: usize = 128;
+pub(crate) const LOOK_AHEAD: usize = 128;
 
 /// Labels columns; keeps its working memory between them.
 #[derive(Clone, Debug, Default)]

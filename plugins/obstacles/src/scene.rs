@@ -42,6 +42,7 @@ pub(crate) struct View {
     pub(crate) turn: DMat3,
     pub(crate) ground_plane: GroundPlane,
     pub(crate) placement: Placement,
+    pub(crate) is_upside_down: bool,
 }
 
 pub(crate) const WIDTH: usize = 160;
@@ -94,6 +95,7 @@ impl Scene {
             turn,
             ground_plane: GroundPlane { below_origin: -sensor, up, wheels_m: 0.5 },
             placement: Placement { sensor, cell_size_m: CELL_SIZE_M },
+            is_upside_down: false,
         }
     }
 
@@ -131,7 +133,16 @@ impl Scene {
 impl View {
     pub(crate) fn image(&self) -> DepthImage<'_> {
         let size = [self.camera.width as usize, self.camera.height as usize];
-        DepthImage::new(size, size[0] * 4, "32FC1", 1.0, &self.depth).unwrap()
+        let image = DepthImage::new(size, size[0] * 4, "32FC1", 1.0, &self.depth).unwrap();
+        DepthImage { is_upside_down: self.is_upside_down, ..image }
+    }
+
+    /// The same view by a camera that is mounted upside down.
+    pub(crate) fn upside_down(self) -> View {
+        let depth = self.depth.as_chunks::<4>().0.iter().rev().flatten().copied().collect();
+        let truth = self.truth.iter().rev().copied().collect();
+        let turn = self.turn * DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0));
+        View { depth, truth, turn, is_upside_down: true, ..self }
     }
 
     pub(crate) fn strips(&self, params: &ScanParams) -> Vec<Strip> {
@@ -151,7 +162,7 @@ impl View {
 
     /// Ground truth and label of every pixel.
     pub(crate) fn labels(&self, params: &ScanParams) -> Vec<(Truth, Label)> {
-        let labels = label_image(&self.strips(params), self.rays.width, self.rays.height);
+        let labels = label_image(&self.strips(params), &self.image());
         let label = |&number: &u8| Label::ALL[number as usize];
         self.truth.iter().copied().zip(labels.iter().map(label)).collect()
     }

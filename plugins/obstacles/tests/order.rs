@@ -1,5 +1,5 @@
-//! `obstacles` on the bench: range data that come twice or late, what is known after `INIT`, and what the votes of clouds are
-//! worth.
+//! `obstacles` on the bench: range data that come twice, late or in other axes than the mount, what is known after `INIT`,
+//! and what the votes of clouds are worth.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -52,7 +52,11 @@ fn cloud() -> PointCloud {
 
 /// Gives a cloud of a time, and says how many cost maps have been sent since the start, and how many faults.
 fn give(bench: &mut Bench, time_ms: u64) -> (u64, u64) {
-    let message = AnyMessage::new(cloud());
+    give_cloud(bench, time_ms, cloud())
+}
+
+fn give_cloud(bench: &mut Bench, time_ms: u64, cloud: PointCloud) -> (u64, u64) {
+    let message = AnyMessage::new(cloud);
     bench
         .session
         .write(ExternalEvent::sensed("/operator/cloud", Stamp(time_ms * 1_000_000), message))
@@ -168,4 +172,15 @@ fn the_votes_of_clouds_do_not_have_the_noise_of_the_stereo_camera_beside_them() 
     let expected = worths(false);
     assert!(expected.iter().any(|&worth| worth > 0.0));
     assert_eq!(worths(true), expected);
+}
+
+#[test]
+fn a_cloud_of_an_optical_frame_is_a_fault_with_a_mount() {
+    let mut bench = Setup::new(STACK, &[ProcessType::of::<Obstacles>()]).bench();
+    bench.advance(1_000);
+    let optical = PointCloud { frame_id: "camera_depth_optical_frame".to_owned(), ..cloud() };
+    assert_eq!(give_cloud(&mut bench, 900, optical), (0, 1));
+    let fault = bench.faults("obstacles").1;
+    assert!(fault.contains("frame \"camera_depth_optical_frame\" is optical"), "{fault}");
+    assert_eq!(give(&mut bench, 950), (1, 1));
 }

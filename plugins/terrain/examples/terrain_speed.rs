@@ -98,7 +98,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         map.counts()
     );
 
-    let view = View { camera: &camera, vehicle_from_camera, local_from_vehicle: Pose::IDENTITY };
+    let local_from_vehicle = Pose::IDENTITY;
+    let view = View { camera: &camera, vehicle_from_camera, local_from_vehicle, wheels_below_m: 0.0 };
     let grid = WindowGrid::new(SIZE, 16);
     let matcher = Matcher::new(&map.models, weights, 0.2, 0, 0.5);
     median("classifying a whole image", || {

@@ -89,10 +89,13 @@ impl LearnerCamera {
         &mut self,
         ports: &CameraPorts,
         name: &str,
+        params: &TerrainLearnerParams,
         cx: &mut Cycle<'_>,
     ) -> Option<(Stamp, RawImage)> {
-        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
-            match camera_of(&calibration) {
+        if let Some(calibration) =
+            read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
+        {
+            match camera_of(&calibration, params.rectified) {
                 Ok(camera) if self.camera.as_ref() == Some(&camera) => {}
                 Ok(camera) => (self.camera, self.rays) = (Some(camera), None),
                 Err(error) => {

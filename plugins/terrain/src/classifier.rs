@@ -20,8 +20,8 @@
 //! [`crate::classify`] compares windows with models, [`crate::place`] projects them onto the map. With `region =
 //! CLASSIFIER_BEYOND_STEREO` an image waits for the depth of its time, and is classified beyond the end of good stereo;
 //! when no depth has arrived for a while, whole images are classified. Windows higher above the horizon than
-//! `above_horizon_deg` are never classified. Unusable data are a fault and are skipped, as in the learner; without
-//! models nothing is sent.
+//! `above_horizon_deg` are never classified. Unusable data are a fault and are skipped, as in the learner, and so are
+//! images of a camera that is rolled by more than 45°; without models nothing is sent.
 //!
 //! Both cost maps are in the local frame; each world model resamples them to its own cells.
 
@@ -41,7 +41,7 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, Extrinsics, ImageCheck, Localizer, PosePorts, SensorTime, camera_of, fingerprint_of_texts,
-    read_calibration, upright,
+    read_calibration, upright, upright_columns,
 };
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -175,7 +175,7 @@ impl Process for Classifier {
             self.models = models_of_file(params);
             self.loaded = file(params);
         }
-        self.read_camera_and_models(ports, cx);
+        self.read_camera_and_models(ports, params, cx);
         let is_new_depth = self.read_images(ports, cx);
         match self.task(is_new_depth, params, cx) {
             Task::Wait(text) => cx.exec(text),
@@ -193,9 +193,11 @@ impl Process for Classifier {
 }
 
 impl Classifier {
-    fn read_camera_and_models(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
-        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
-            let camera = camera_of(&calibration);
+    fn read_camera_and_models(&mut self, ports: &Ports, params: &ClassifierParams, cx: &mut Cycle<'_>) {
+        if let Some(calibration) =
+            read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
+        {
+            let camera = camera_of(&calibration, params.rectified);
             self.camera = camera.map_err(|error| cx.fault(Unusable::from(error).to_string())).ok();
         }
         if let Some(message) = cx.read_newest(&ports.models) {
@@ -300,7 +302,9 @@ impl Classifier {
                 Axes::Optical,
                 taken,
             )?,
+            wheels_below_m: params.wheels_below_m,
         };
+        upright_columns(&view.vehicle_from_camera)?;
         let Some(models) = &self.models else { return Ok(()) };
         let ratios = match &self.ratios {
             Some(ratios) if ratios.span_octaves() == models.span_octaves => ratios.clone(),

@@ -188,7 +188,7 @@ impl Process for TerrainLearner {
         let mut lessons = Vec::new();
         for side in 0..if params.cameras() == TerrainCameras::TerrainLeft { 1 } else { 2 } {
             let camera_ports = [&ports.left, &ports.right][side];
-            let Some((time, labels)) = self.cameras[side].read(camera_ports, SIDES[side], cx) else {
+            let Some((time, labels)) = self.cameras[side].read(camera_ports, SIDES[side], params, cx) else {
                 continue;
             };
             self.begun = not_ahead(self.begun, time, cx.now()).or(Some(time));

@@ -1,8 +1,8 @@
 //! Position of classified windows: ground lies on the plane of the vehicle's pose, and obstacles stand upright on it
 //! (Albus 2006a, 3.3).
 //!
-//! - The plane is z = 0 of the vehicle frame. A cell of the map whose centre projects into a traversable window gets
-//!   the cost of that window; cells hidden behind an upright obstacle get none.
+//! - The plane is that under the wheels, parallel to x and y of the vehicle frame. A cell of the map whose centre
+//!   projects into a traversable window gets the cost of that window; cells hidden behind an upright obstacle get none.
 //! - An obstacle window stands where the nearest ground below it in its column of windows ends: at the upper edge of
 //!   the next traversable window below, at the upper edge of the region covered by stereo, or at the lower edge of the
 //!   image. Its cost is assigned to the cells along the width of the window at that place, and overrides that of a
@@ -23,6 +23,8 @@ pub struct View<'a> {
     pub vehicle_from_camera: Pose,
     /// Pose of the vehicle in the local frame.
     pub local_from_vehicle: Pose,
+    /// Distance of the plane below the origin of the vehicle frame, m.
+    pub wheels_below_m: f64,
 }
 
 /// Classified windows.
@@ -54,12 +56,17 @@ impl View<'_> {
         Some(ray.z / ray.length())
     }
 
-    /// The point of the plane that a pixel shows, vehicle frame, m; `None` at and above the horizon.
+    /// The point of the plane that a pixel shows, vehicle frame, m; `None` at and above the horizon, and for a camera
+    /// that is not above the plane.
     pub fn on_plane(&self, pixel: DVec2) -> Option<DVec3> {
         let ray = self.vehicle_from_camera.rotate(self.camera.unproject(pixel)?);
         let origin = self.vehicle_from_camera.translation;
-        let along = -origin.z / ray.z;
+        let along = -self.camera_above_plane_m() / ray.z;
         (ray.z < 0.0 && along.is_finite() && along > 0.0).then(|| origin + ray * along)
+    }
+
+    fn camera_above_plane_m(&self) -> f64 {
+        self.vehicle_from_camera.translation.z + self.wheels_below_m
     }
 }
 
@@ -115,7 +122,7 @@ impl Placed {
     fn put_ground(&mut self, view: &View<'_>, windows: &Windows<'_>, max_range_m: f64) {
         let (grid, classes) = (windows.grid, windows.classes);
         let is_ground = |class: &Class| matches!(class, Class::Traversable(_));
-        if !classes.iter().any(is_ground) {
+        if !classes.iter().any(is_ground) || view.camera_above_plane_m() <= 0.0 {
             return;
         }
         let up = view.local_from_vehicle.rotate(DVec3::Z);
@@ -127,7 +134,7 @@ impl Placed {
             let y = (self.south_west.y as f64 + row as f64 + 0.5) * CELL_SIZE_M - vehicle.y;
             for (column, (cost, model)) in costs.iter_mut().zip(models).enumerate() {
                 let x = (self.south_west.x as f64 + column as f64 + 0.5) * CELL_SIZE_M - vehicle.x;
-                let offset = DVec3::new(x, y, -(up.x * x + up.y * y) / up.z);
+                let offset = DVec3::new(x, y, -(up.x * x + up.y * y + view.wheels_below_m) / up.z);
                 if offset.length_squared() > max_range_m * max_range_m {
                     continue;
                 }

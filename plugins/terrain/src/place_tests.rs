@@ -7,7 +7,7 @@ use crate::scene::{Scene, camera, vehicle_from_camera};
 use proptest::prelude::*;
 
 fn view(camera: &PinholeCamera, local_from_vehicle: Pose) -> View<'_> {
-    View { camera, vehicle_from_camera: vehicle_from_camera(), local_from_vehicle }
+    View { camera, vehicle_from_camera: vehicle_from_camera(), local_from_vehicle, wheels_below_m: 0.0 }
 }
 
 fn windows<'a>(grid: &'a WindowGrid, classes: &'a [Class], stereo_end: Option<&'a [usize]>) -> Windows<'a> {
@@ -147,4 +147,36 @@ fn obstacles_beyond_stereo_stand_at_its_end_unless_ground_comes_between() {
         "an obstacle of five windows, one above the other, takes {cells} cells"
     );
     assert_eq!(view.on_plane(DVec2::new(320.0, 0.0)), None, "no ground above the horizon");
+}
+
+#[test]
+fn windows_are_placed_alike_whatever_the_height_of_the_vehicle_frame() {
+    let camera = camera([640, 480]);
+    let grid = WindowGrid::new([640, 480], 16);
+    let mut classes = vec![Class::Traversable(like(5)); grid.columns() * grid.rows()];
+    for row in 10..16 {
+        classes[row * grid.columns() + 20] = Class::NotTraversable(like(240));
+    }
+    let windows = windows(&grid, &classes, None);
+    let level = view(&camera, Pose::IDENTITY);
+    let raised = |origin_m: f64, wheels_below_m: f64| {
+        let lift = Pose::from_translation(DVec3::new(0.0, 0.0, origin_m));
+        let vehicle_from_camera = lift.inverse() * level.vehicle_from_camera;
+        View { vehicle_from_camera, local_from_vehicle: lift, wheels_below_m, ..level.clone() }
+    };
+    let expected = place(&level, &windows, 15.0);
+    let foot = |view: &View<'_>| {
+        view.local_from_vehicle * view.on_plane(DVec2::new(20.0 * 16.0 + 7.5, 16.0 * 16.0 - 0.5)).unwrap()
+    };
+    assert_eq!(cost_at(&expected, foot(&level)), Some(240));
+    let view = raised(0.3, 0.3);
+    assert!(foot(&view).abs_diff_eq(foot(&level), 1e-9));
+    assert_eq!(cost_at(&place(&view, &windows, 15.0), foot(&level)), Some(240));
+    let differing = |placed: &Placed| {
+        placed.costs.iter().zip(&expected.costs).filter(|(cost, expected)| cost != expected).count()
+    };
+    // The distance from the origin of the frame, up to which there are cells, is a little longer.
+    let few = expected.cells() / 50;
+    assert!((differing(&place(&view, &windows, 15.0)) as u64) < few, "{few}");
+    assert_eq!(place(&raised(1.5, 0.3), &windows, 15.0).cells(), 0, "the camera is below the plane");
 }

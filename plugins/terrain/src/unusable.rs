@@ -4,7 +4,7 @@ use rcs_geom::CameraError;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::{ImageError, depth_m, raw_to_rgb8};
-use rcs_sense::{ImageFault, LocalizerError, OnItsSide, check_size};
+use rcs_sense::{ImageFault, LocalizerError, OnItsSide, Rolled, check_size};
 
 /// Why an image, or data that belong to it, was skipped.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +38,9 @@ pub(crate) enum Unusable {
     /// The vehicle lies on its side.
     #[error(transparent)]
     OnItsSide(#[from] OnItsSide),
+    /// The camera is mounted on its side or upside down.
+    #[error(transparent)]
+    Rolled(#[from] Rolled),
     /// No kept image is close enough in time.
     #[error("no {what} of the time of the {of}: nearest is {} s away", shown(*.apart_s))]
     Apart {

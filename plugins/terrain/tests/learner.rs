@@ -400,11 +400,11 @@ fn images_from_the_future_do_not_stop_the_learning() {
     }
 }
 
-#[test]
-fn images_from_the_future_do_not_stop_the_classifier() {
+/// The classifier of whole images and depth with learned models, 800 ms after its start, and a camera with this mount.
+fn classifier_bench(mount: &str) -> Bench {
     let models = rcs_msg::to_json(&AnyMessage::new(models(&self::bench()))).unwrap();
     let stack = CLASSIFIER.replace("odometry = ", "depth = \"/operator/depth\"\nodometry = ")
-        + "\n[process.params]\npose = { source = \"POSE_FIXED\" }\nmount = { fixed = true, height_m = 1.0, pitch_deg = 35.0 }\n";
+        + &format!("\n[process.params]\npose = {{ source = \"POSE_FIXED\" }}\nmount = {{ {mount} }}\n");
     let mut bench = Setup::new(&stack, &[ProcessType::of::<Classifier>()]).bench();
     bench.write("/operator/calibration", calibration());
     bench.advance(100);
@@ -412,6 +412,21 @@ fn images_from_the_future_do_not_stop_the_classifier() {
     params.models = models;
     bench.write("/classifier/params", params);
     bench.advance(700);
+    bench
+}
+
+#[test]
+fn images_of_a_camera_upside_down_are_not_classified() {
+    let mut bench = classifier_bench("fixed = true, height_m = 1.0, pitch_deg = 35.0, roll_deg = 180.0");
+    give(&mut bench, 850);
+    let (faults, last) = bench.faults("classifier");
+    assert!(faults == 1 && last.contains("expected at most 45° either way"), "{faults}: {last}");
+    assert_eq!(bench.sent("/classifier/stats"), 0);
+}
+
+#[test]
+fn images_from_the_future_do_not_stop_the_classifier() {
+    let mut bench = classifier_bench("fixed = true, height_m = 1.0, pitch_deg = 35.0");
     for (count, time_ms) in (1..).zip([AHEAD_MS, 850, 950, 1_050]) {
         give(&mut bench, time_ms);
         assert_eq!(bench.faults("classifier"), (0, String::new()), "{time_ms} ms");

@@ -81,8 +81,10 @@ impl Process for Prediction {
 
     fn cycle(&mut self, ports: &Ports, params: &PredictionParams, cx: &mut Cycle<'_>) {
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
-        if let Some(calibration) = read_calibration(&ports.calibration, self.camera.is_some(), cx) {
-            let camera: Result<_, CameraError> = camera_of(&calibration);
+        if let Some(calibration) =
+            read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
+        {
+            let camera: Result<_, CameraError> = camera_of(&calibration, params.rectified);
             self.camera = camera.map_err(|error| cx.fault(format!("calibration: {error}"))).ok();
         }
         let Some(image) = cx.read_newest(&ports.image) else {
