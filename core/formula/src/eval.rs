@@ -87,8 +87,8 @@ fn is_true(value: f64) -> bool {
     value != 0.0 && !value.is_nan()
 }
 
-/// Equality (if `wanted`) or inequality, also of a state with its name. At a gap neither is true. A name that the states
-/// do not have, so far or at all, equals none of them.
+/// Equality (if `wanted`) or inequality, also of a state with its name. At a gap neither is true. A name that an enum does
+/// not have is refused; a text that no message has had so far equals none of them.
 fn equal(a: Data, b: Data, wanted: bool) -> Data {
     match (a, b) {
         (Data::Points(points), Data::Name(name)) | (Data::Name(name), Data::Points(points)) => {
@@ -97,6 +97,10 @@ fn equal(a: Data, b: Data, wanted: bool) -> Data {
             }
             let number =
                 points.names.iter().find(|(_, known)| **known == name).map(|(&number, _)| number as f64);
+            let is_known = points.states.is_empty() || points.states.iter().any(|state| **state == *name);
+            if number.is_none() && !is_known {
+                return wrong(format!("no state {name:?}, expected one of {}", points.states.join(", ")));
+            }
             let is = |value: f64| !value.is_nan() && (number == Some(value)) == wanted;
             truth(each(Data::Points(points), |value| as_number(is(value))))
         }

@@ -31,6 +31,6 @@ pub use error::FormulaError;
 pub use formula::Formula;
 pub use functions::{Function, functions};
 pub use moments::Moments;
-pub use points::{Names, Over, Points};
+pub use points::{Names, Over, Points, States};
 pub use table::{csv, rows};
 pub use text::FieldRef;

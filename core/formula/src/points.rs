@@ -7,6 +7,9 @@ use std::sync::Arc;
 /// Names of whole numbers: the states of an enum, `false` and `true`, or texts. Empty for quantities.
 pub type Names = Arc<BTreeMap<i64, Arc<str>>>;
 
+/// The names of all states of an enum, also of those that no value has had. Empty for everything else.
+pub type States = Arc<[String]>;
+
 /// What the times of points mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Over {
@@ -26,6 +29,8 @@ pub struct Points {
     pub values: Arc<[f64]>,
     /// Names of the values, if they are states or texts.
     pub names: Names,
+    /// The names of all states, where the values are those of an enum whose definition is known; otherwise empty.
+    pub states: States,
     /// Whether the times are frequencies.
     pub over: Over,
     /// The whole number at each time, where a field has numbers that are too large for `values` to hold exactly (from
@@ -85,7 +90,7 @@ impl Points {
     #[must_use]
     pub fn as_truth(self) -> Self {
         let names = [(0, "false".into()), (1, "true".into())];
-        Self { names: Arc::new(names.into()), whole: Arc::default(), ..self }
+        Self { names: Arc::new(names.into()), states: Arc::default(), whole: Arc::default(), ..self }
     }
 
     /// The values at other times: interpolated linearly, or for states the last one; NaN outside of the known times.

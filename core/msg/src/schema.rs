@@ -1,11 +1,12 @@
 //! Schemas: descriptions of the bytes of a message.
 
 use crate::definition::{Definition, MessageEncoding};
+use crate::path::{FieldPath, Segment};
 use crate::reader::protobuf::encode;
 use crate::reader::{DecodeError, EncodeError, Reader};
 use crate::value::Value;
 use bytes::Bytes;
-use prost_reflect::MessageDescriptor;
+use prost_reflect::{Kind, MessageDescriptor};
 use std::sync::OnceLock;
 
 /// The type of a message: its name, its encoding, and the text or descriptor that defines it.
@@ -105,6 +106,27 @@ impl Schema {
             Ok(Reader::Protobuf(descriptor)) => Some(descriptor),
             _ => None,
         }
+    }
+
+    /// The names of all values of the enum at a path; `None` if there is no enum, or the messages are not protobuf.
+    pub fn state_names(&self, path: &FieldPath) -> Option<Vec<String>> {
+        let mut message = self.descriptor()?.clone();
+        let mut found = None;
+        for segment in path.segments() {
+            match segment {
+                Segment::Field(name) => {
+                    let kind = message.get_field_by_name(name)?.kind();
+                    if let Kind::Message(inner) = &kind {
+                        message = inner.clone();
+                    }
+                    found = Some(kind);
+                }
+                Segment::Index(_) => {}
+                Segment::Length => return None,
+            }
+        }
+        let Some(Kind::Enum(states)) = found else { return None };
+        Some(states.values().map(|state| state.name().to_owned()).collect())
     }
 
     pub(crate) fn malformed(&self, reason: impl Into<String>) -> DecodeError {

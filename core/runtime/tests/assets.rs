@@ -180,7 +180,7 @@ fn what_is_wrong_with_a_file_is_said_of_that_file() {
         error(None, "world = \"moon\""),
         "test.toml:8: parameter vehicle.world: no world \"moon\" beside \"test.toml\""
     );
-    assert_eq!(error(Some("nowhere"), ""), "--course:1: no course \"nowhere\" beside \"\"");
+    assert_eq!(error(Some("nowhere"), ""), "--course: no course \"nowhere\" beside \"\"");
     assert_eq!(
         error(Some("lost"), ""),
         "courses/lost.toml:2: no world \"atlantis\" beside \"courses/lost.toml\""
@@ -194,7 +194,8 @@ fn what_is_wrong_with_a_file_is_said_of_that_file() {
 fn a_file_that_a_course_lacks_is_said_of_the_course_and_an_empty_one_of_that_file() {
     let error = |course, params| plan(Some(course), &stack("", params, ""), &[]).unwrap_err();
     let expected = "got no text, expected that of a world";
-    assert_eq!(error("bare", ""), format!("courses/bare.toml:1: world: {expected}"));
+    let missing = "key \"world\" is missing, expected the name of a world or the path of its file";
+    assert_eq!(error("bare", ""), format!("courses/bare.toml: {missing}"));
     assert_eq!(error("blank", ""), format!("worlds/empty.toml:1: {expected}"));
     // The course is not to blame for the file of the stack.
     assert_eq!(error("bare", "world = \"empty\""), format!("test.toml:5: world: {expected}"));

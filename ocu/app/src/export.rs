@@ -3,11 +3,12 @@
 use crate::cli::ExportArgs;
 use crate::output::{self, Files};
 use crate::parquet::parquet;
-use crate::{Ended, stacks, usage};
+use crate::{Ended, parts, stacks, usage};
 use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_formula::{FieldRef, Formula, Over, Points};
-use rcs_msg::Stamp;
+use rcs_log::{CursorOptions, Log};
+use rcs_msg::{Stamp, Value};
 use rcs_runtime::source::{FieldSeries, exact_points, read_fields};
 use std::io::Write;
 use std::ops::RangeInclusive;
@@ -17,6 +18,11 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut files = Files::new(args.force);
     files.reads_log("the recording that is read", &args.log);
     files.writes("--output", &args.output)?;
+    let is_parquet = parts::has_ending(&args.output, "parquet");
+    if !is_parquet && !parts::has_ending(&args.output, "csv") {
+        let path = args.output.display();
+        return Err(usage(format!("--output is {path}; expected a .csv or a .parquet file")));
+    }
     let formulas: Vec<Formula> = args
         .fields
         .iter()
@@ -24,11 +30,21 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         .collect::<Result<_, _>>()
         .map_err(|error| usage(format!("{error}")))?;
     let log = stacks::open_log(&args.log)?;
+    if let Some(whole) = formulas.iter().flat_map(Formula::fields).find(|field| is_whole(field)) {
+        return Err(usage(without_field(&log, &whole.topic)));
+    }
     let info = log.info();
     let length_s = info.end.seconds_since(info.start);
-    let to_s = args.to.unwrap_or(length_s);
-    if args.from > to_s {
-        return Err(usage(format!("--from is {} s; expected at most --to, {to_s} s", args.from)));
+    let from_s = args.from;
+    match args.to {
+        Some(to_s) if from_s > to_s => {
+            return Err(usage(format!("--from is {from_s} s; expected at most --to, {to_s} s")));
+        }
+        None if from_s > length_s => {
+            let text = format!("--from is {from_s} s; expected at most {length_s:.3} s, where it ends");
+            return Err(usage(text));
+        }
+        _ => {}
     }
     let at = |seconds: f64| info.start.after_ns((seconds * 1e9).round() as u64);
     let times = at(args.from)..=args.to.map_or(info.end, at);
@@ -62,7 +78,6 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         columns.push((text.clone(), points));
     }
     let named: Vec<(String, &Points)> = columns.iter().map(|(name, points)| (name.clone(), points)).collect();
-    let is_parquet = args.output.extension().is_some_and(|extension| extension == "parquet");
     let bytes = if is_parquet {
         parquet(&named, &times, info.start).context("the table cannot be written")?
     } else {
@@ -92,6 +107,28 @@ fn fields_of(formulas: &[&Formula]) -> Vec<FieldRef> {
     fields.sort_unstable();
     fields.dedup();
     fields
+}
+
+/// Whether a field is a topic without a field of it.
+fn is_whole(field: &FieldRef) -> bool {
+    field.path.segments().is_empty()
+}
+
+/// What is said of a topic without a field: the fields of its first message.
+fn without_field(log: &Log, topic: &str) -> String {
+    let Some(known) = log.info().topics_named(topic).next() else {
+        return format!("the log has no topic {topic}");
+    };
+    let options = CursorOptions { topics: Some(vec![known.id]), ..CursorOptions::default() };
+    let first = log.cursor(options).find_map(Result::ok);
+    let fields: Vec<String> = match first.map(|message| known.schema.value(&message.data)) {
+        Some(Ok(Value::Message(fields))) => fields.into_iter().map(|(name, _)| name).collect(),
+        _ => Vec::new(),
+    };
+    if fields.is_empty() {
+        return format!("got the topic {topic}, expected a field of it");
+    }
+    format!("got the topic {topic}, expected a field of it: {}", fields.join(", "))
 }
 
 /// The points between two times.

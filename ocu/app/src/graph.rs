@@ -1,7 +1,9 @@
 //! `ocu graph`: prints the hierarchy of the processes of a stack or of a recording.
 
+use crate::assets::looks_like_path;
 use crate::cli::{GraphArgs, GraphFormat};
-use crate::{stacks, usage};
+use crate::open::FileKind;
+use crate::{Ended, bundled, stacks, usage};
 use prost::Message as _;
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::rcs::ProcessInfo;
@@ -10,10 +12,19 @@ use std::io::Write;
 use std::path::Path;
 
 /// Prints the hierarchy named on the command line.
-pub fn graph(args: &GraphArgs, out: &mut dyn Write) -> anyhow::Result<()> {
-    let is_stack = !args.source.to_lowercase().ends_with(".mcap");
-    let (processes, buffers) = if is_stack { of_stack(args)? } else { of_log(&args.source)? };
-    let found = Hierarchy::new(&processes, &buffers, is_stack);
+pub fn graph(args: &GraphArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
+    let log = if is_stack(&args.source) {
+        None
+    } else if args.course.is_some() {
+        return Err(usage(format!("--course is for a stack; {} is a recording", args.source)));
+    } else {
+        Some(stacks::open_log(&args.source)?)
+    };
+    let (processes, buffers) = match &log {
+        Some(log) => of_log(log)?,
+        None => of_stack(args)?,
+    };
+    let found = Hierarchy::new(&processes, &buffers, log.is_none());
     if found.nodes.is_empty() {
         return Err(usage(format!("nothing in it says who wrote its messages: {}", args.source)));
     }
@@ -22,7 +33,13 @@ pub fn graph(args: &GraphArgs, out: &mut dyn Write) -> anyhow::Result<()> {
         GraphFormat::Dot => found.to_dot(),
     };
     write!(out, "{text}")?;
-    Ok(())
+    Ok(Ended::after(log.as_ref()))
+}
+
+/// Whether a stack is meant: a bundled one, a `.toml` file, or a word that is no file.
+fn is_stack(source: &str) -> bool {
+    let is_file = FileKind::of(Path::new(source)) == FileKind::Stack;
+    is_file || bundled::file("stack", source).is_some() || !looks_like_path(source)
 }
 
 fn of_stack(args: &GraphArgs) -> anyhow::Result<(Vec<ProcessInfo>, Vec<BufferInfo>)> {
@@ -33,8 +50,7 @@ fn of_stack(args: &GraphArgs) -> anyhow::Result<(Vec<ProcessInfo>, Vec<BufferInf
     Ok((plan.process_infos(), buffers.collect()))
 }
 
-fn of_log(path: &str) -> anyhow::Result<(Vec<ProcessInfo>, Vec<BufferInfo>)> {
-    let log: Log = stacks::open_log(Path::new(path))?;
+fn of_log(log: &Log) -> anyhow::Result<(Vec<ProcessInfo>, Vec<BufferInfo>)> {
     let info = log.info();
     let described = info.topics.iter().filter(|topic| topic.schema.name() == "rcs.ProcessInfo");
     let ids: Vec<_> = described.map(|topic| topic.id).collect();

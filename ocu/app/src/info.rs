@@ -1,5 +1,6 @@
 //! `ocu info`: describes the contents of a recording, and what of it was lost.
 
+use crate::Ended;
 use crate::check::Lost;
 use crate::cli::InfoArgs;
 use crate::plain::plain;
@@ -46,15 +47,16 @@ struct TopicReport<'a> {
 }
 
 /// Prints the description of a recording.
-pub fn info(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<()> {
+pub fn info(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let log = Log::open_parts(&crate::parts::of(&args.log)?)?;
     let info = log.info();
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &report(info)).context("cannot write the report")?;
         writeln!(out)?;
-        return Ok(());
+    } else {
+        human(&log, out)?;
     }
-    human(&log, out)
+    Ok(Ended::after(Some(&log)))
 }
 
 fn report(info: &LogInfo) -> Report<'_> {

@@ -105,12 +105,6 @@ impl Ended {
     }
 }
 
-impl From<bool> for Ended {
-    fn from(well: bool) -> Self {
-        if well { Self::Well } else { Self::Failed }
-    }
-}
-
 /// Standard output, which records whether its reader has closed it.
 struct Output<'a> {
     out: &'a mut dyn Write,
@@ -167,19 +161,19 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         None => window::run(&cli.window).map(|()| Ended::Well),
         Some(Command::Run(args)) => run::run(args, out),
         Some(Command::Diff(args)) => diff::diff(args, out),
-        Some(Command::Info(args)) => info::info(args, out).map(|()| Ended::Well),
+        Some(Command::Info(args)) => info::info(args, out),
         Some(Command::Check(args)) => check::check(args, out),
         Some(Command::Cut(args)) => cut::cut(args, out),
         Some(Command::Export(args)) => export::export(args, out),
-        Some(Command::Graph(args)) => graph::graph(args, out).map(|()| Ended::Well),
+        Some(Command::Graph(args)) => graph::graph(args, out),
         Some(Command::Latency(args)) => latency::latency(args, out),
-        Some(Command::Render(args)) => render::render(args).map(|()| Ended::Well),
+        Some(Command::Render(args)) => render::render(args),
         Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),
         Some(Command::Eval(command)) => eval::eval(command, out),
         Some(Command::Tune(args)) => tune::tune(args, out),
         Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| Ended::Well),
         Some(Command::Sweep(args)) => sweep::sweep(args, out),
-        Some(Command::Stack(command)) => stack_tool::stack(command, out).map(Ended::from),
+        Some(Command::Stack(command)) => stack_tool::stack(command, out),
     };
     match result {
         Ok(Ended::Well) => 0,

@@ -64,7 +64,8 @@ fn compressed(file: &Path) -> anyhow::Error {
     ))
 }
 
-fn has_ending(file: &Path, ending: &str) -> bool {
+/// Whether the name of a file has this ending, in capitals or not.
+pub(crate) fn has_ending(file: &Path, ending: &str) -> bool {
     file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
 }
 

@@ -9,10 +9,11 @@ use crate::offscreen::Painter;
 use crate::open::Request;
 use crate::output::{self, Files};
 use crate::window::Window;
-use crate::{parts, usage};
+use crate::{Ended, parts, stacks, usage};
 use anyhow::Context as _;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, ImageFormat, RgbaImage};
+use rcs_log::Log;
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Frame, Source, Task};
 use std::path::Path;
@@ -31,7 +32,7 @@ const MOST_SHOWN_S: f64 = 655.35;
 const GIF_SPEED: i32 = 10;
 
 /// Renders the image or the animation, and writes it.
-pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
+pub fn render(args: &RenderArgs) -> anyhow::Result<Ended> {
     let times = times(args)?;
     let mut files = Files::new(args.force);
     let texts = [&args.stack, &args.course].into_iter().flatten().map(Path::new);
@@ -43,6 +44,10 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         files.reads("a file that is read", path);
     }
     files.writes("--output", &args.output)?;
+    if args.to.is_none() && !parts::has_ending(&args.output, "png") {
+        let path = args.output.display();
+        return Err(usage(format!("--output is {path}; expected a .png file, or a .gif file with --to")));
+    }
     let layout = layout.map(|spec| kept_layouts::named(spec, data_dir().as_deref())).transpose()?;
     let request = Request {
         log: args.log.clone(),
@@ -52,7 +57,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         ..Request::default()
     };
     let fields = layout.as_ref().map(Layout::fields).unwrap_or_default();
-    let mut source = open_with(&request, &fields, args.against.as_deref())?;
+    let log = stacks::log_of(&request)?;
+    let mut source = open_with(&request, log.as_ref(), &fields, args.against.as_deref())?;
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
     let mut layout = layout;
     let mut picture = |at_s: f64| {
@@ -76,13 +82,14 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
             }
         }
     }
-    output::write(&args.output, file.get_ref(), args.force)
+    output::write(&args.output, file.get_ref(), args.force)?;
+    Ok(Ended::after(log.as_ref()))
 }
 
 /// The times to draw, in seconds from the start of the source: one, or those of an animation.
 fn times(args: &RenderArgs) -> anyhow::Result<Vec<f64>> {
     let Some(to_s) = args.to else { return Ok(vec![args.at]) };
-    if args.output.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("gif")) {
+    if !parts::has_ending(&args.output, "gif") {
         return Err(usage(format!("--output is {}; expected a .gif file with --to", args.output.display())));
     }
     if to_s < args.at {
@@ -111,16 +118,17 @@ fn times(args: &RenderArgs) -> anyhow::Result<Vec<f64>> {
 
 /// The state of a source `at_s` seconds after its start, including its complete tracks.
 pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
-    seek(&mut *open_with(request, &[], None)?, at_s)
+    seek(&mut *open_with(request, stacks::log_of(request)?.as_ref(), &[], None)?, at_s)
 }
 
 /// A source that gathers the values of these fields over time, and is compared with another recording.
 fn open_with(
     request: &Request,
+    log: Option<&Log>,
     fields: &[rcs_formula::FieldRef],
     against: Option<&Path>,
 ) -> anyhow::Result<Box<dyn Source>> {
-    let mut source = crate::stacks::open(request)?;
+    let mut source = stacks::open_on(request, log)?;
     source.gather(fields, &|| false);
     if let Some(against) = against {
         let this = if request.stack.is_some() { Compared::Run(RunId(0)) } else { Compared::Recorded };

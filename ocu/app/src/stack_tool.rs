@@ -1,7 +1,7 @@
 //! `ocu stack`: shows the expanded stack file, or checks it without running it.
 
 use crate::cli::{Param, StackCheckArgs, StackCommand, StackShowArgs};
-use crate::{Usage, stacks};
+use crate::{Ended, Usage, stacks};
 use anyhow::Context as _;
 use rcs_msg::Value;
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
@@ -11,10 +11,10 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
 
-/// Executes `ocu stack …`; `false` if a check found an error.
-pub fn stack(command: &StackCommand, out: &mut dyn Write) -> anyhow::Result<bool> {
+/// Executes `ocu stack …`.
+pub fn stack(command: &StackCommand, out: &mut dyn Write) -> anyhow::Result<Ended> {
     match command {
-        StackCommand::Show(args) => show(args, out).map(|()| true),
+        StackCommand::Show(args) => show(args, out).map(|()| Ended::Well),
         StackCommand::Check(args) => check(args, out),
     }
 }
@@ -47,15 +47,17 @@ struct Findings {
     unread: Vec<String>,
 }
 
-fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
+fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
     let mut findings = Findings::default();
+    let mut ended = Ended::Well;
     match stacks::plan(&args.stack, args.course.as_deref(), &overrides) {
         Ok(plan) => {
             match (&args.log, plan.inputs.first()) {
                 (Some(path), _) => {
                     let log = stacks::open_log(path)?;
                     findings.errors.extend(plan.check_log(log.info()).err().map(|error| error.to_string()));
+                    ended = Ended::after(Some(&log));
                 }
                 (None, Some(input)) => findings
                     .warnings
@@ -93,7 +95,7 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
             writeln!(out, "{}: nothing is wrong with it", args.stack)?;
         }
     }
-    Ok(findings.errors.is_empty())
+    Ok(if findings.errors.is_empty() { ended } else { Ended::Failed })
 }
 
 /// Outputs that no process reads, in the order of the stack.

@@ -120,7 +120,7 @@ pub(crate) fn open_named(path: &Path, parts: &[PathBuf]) -> anyhow::Result<Log> 
 }
 
 /// The recording of a request.
-fn log_of(request: &Request) -> anyhow::Result<Option<Log>> {
+pub(crate) fn log_of(request: &Request) -> anyhow::Result<Option<Log>> {
     request.log.as_ref().map(|path| open_named(path, &request.parts)).transpose()
 }
 
@@ -157,20 +157,23 @@ pub(crate) fn course_on(
 
 /// Opens a source: a recording, a stack on a recording, or a stack alone (on a course if it is a simulation).
 pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
+    open_on(request, log_of(request)?.as_ref())
+}
+
+/// Like [`open`], where the recording of the request, if it names one, has been opened.
+pub(crate) fn open_on(request: &Request, log: Option<&Log>) -> anyhow::Result<Box<dyn Source>> {
     let Some(stack) = &request.stack else {
-        let log =
-            log_of(request)?.ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
-        if RecordedRun::is_journal_alone(&log) {
-            return repeat(&log, request.run.as_deref());
+        let log = log.ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
+        if RecordedRun::is_journal_alone(log) {
+            return repeat(log, request.run.as_deref());
         }
-        return Ok(Box::new(LogSource::new(&log)?));
+        return Ok(Box::new(LogSource::new(log)?));
     };
     let remembered = request.remembered.as_deref().cloned().unwrap_or_default();
-    let log = log_of(request)?;
-    let course = course_on(stack, request.course.as_deref(), log.as_ref())?;
+    let course = course_on(stack, request.course.as_deref(), log)?;
     let plan = plan_with(stack, course.as_deref(), &[], &remembered)?;
     let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
-    let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
+    let source = StackSource::new(plan, log, options).context("the stack cannot run")?;
     Ok(Box::new(source))
 }
 

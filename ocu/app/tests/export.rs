@@ -1,4 +1,4 @@
-//! `ocu export` and `ocu graph`.
+//! `ocu export` and `ocu graph`, and the files that `ocu export` and `ocu render` refuse to write.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
@@ -47,6 +47,11 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
         ("/localization/local.pose.altitude", "no field \"altitude\""),
         ("smoth(/localization/local.pose.position.x)", "got \"smoth\", expected one of smooth"),
         ("/localization/local.pose", "got a message, expected a number"),
+        ("/localization/local", "got the topic /localization/local, expected a field of it: "),
+        (
+            "/vehicle/gps.position_covariance_type == KNWON",
+            "no state \"KNWON\", expected one of UNKNOWN, APPROXIMATED, DIAGONAL_KNOWN, KNOWN",
+        ),
     ] {
         let (code, _, errors) = ocu(&["export", text(&log), "--fields", field, "-o", text(&csv), "--force"]);
         assert_eq!(code, 2, "{field}");
@@ -54,11 +59,47 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
     }
     let (code, _, errors) = ocu(&["export", text(&log), "--fields", X, "-o", text(&csv)]);
     assert_eq!((code, errors.contains("exists already")), (2, true), "{errors}");
+    // A text that no message has may come later, and so may a state that the enum has.
+    let absent =
+        ["/localization/local.frame_id == nowhere", "/vehicle/gps.position_covariance_type == UNKNOWN"];
+    let fields = [&["export", text(&log), "--fields"], &absent[..]].concat();
+    let (code, _, errors) = ocu(&[&fields[..], &["-o", text(&csv), "--force"]].concat());
+    assert_eq!(code, 0, "{errors}");
+    let late = ["--from", "50", "-o", text(&csv), "--force"];
+    let (code, _, errors) = ocu(&[&["export", text(&log), "--fields", X], &late[..]].concat());
+    assert!(code == 2 && errors.contains("--from is 50 s; expected at most"), "{errors}");
+    assert!(errors.contains(" s, where it ends"), "{errors}");
     let parquet = dir.path().join("x.parquet");
     let (code, _, errors) = ocu(&["export", text(&log), "--fields", X, "-o", text(&parquet)]);
     assert_eq!(code, 0, "{errors}");
     let bytes = std::fs::read(&parquet).unwrap();
     assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"), "{} bytes", bytes.len());
+}
+
+#[test]
+fn a_file_that_is_named_like_another_format_is_refused_and_so_are_flags_without_effect() {
+    let (dir, log) = recording();
+    let file = |name: &str| dir.path().join(name);
+    let render = |name: &str, more: &[&str]| {
+        let output = file(name);
+        let args = ["render", text(&log), "--at", "1", "--size", "64x64", "-o", text(&output)];
+        let (code, _, errors) = ocu(&[&args[..], more].concat());
+        assert!(!output.exists(), "{name}");
+        (code, errors)
+    };
+    for name in ["r.jpg", "r.gif", "r"] {
+        let (code, errors) = render(name, &[]);
+        assert!(code == 2 && errors.contains("expected a .png file, or a .gif file with --to"), "{errors}");
+    }
+    for more in [["--every", "1"], ["--speed", "2"]] {
+        let (code, errors) = render("r.png", &more);
+        assert!(code == 2 && errors.contains("--to"), "{errors}");
+    }
+    let workbook = file("e.xlsx");
+    for output in [text(&workbook), "-"] {
+        let (code, _, errors) = ocu(&["export", text(&log), "--fields", X, "-o", output]);
+        assert!(code == 2 && errors.contains("expected a .csv or a .parquet file"), "{errors}");
+    }
 }
 
 #[test]
@@ -95,6 +136,18 @@ fn the_hierarchy_of_a_stack_and_of_its_recording_are_the_same() {
     let (_, of_log, _) = ocu(&["graph", text(&run)]);
     assert_eq!(of_stack, of_log);
     assert!(of_stack.contains("peers"), "{of_stack}");
+    // What is neither a bundled stack nor a .toml file is a recording, whatever its name.
+    let (folder, other) = (dir.path().join("split"), dir.path().join("run.bag"));
+    std::fs::create_dir(&folder).unwrap();
+    for copy in [&folder.join("d_0.mcap"), &folder.join("d_1.mcap"), &other] {
+        std::fs::copy(&run, copy).unwrap();
+    }
+    for log in [&folder, &other] {
+        let (code, found, errors) = ocu(&["graph", text(log)]);
+        assert_eq!((code, &found), (0, &of_stack), "{errors}");
+    }
+    let (code, _, errors) = ocu(&["graph", text(&run), "--course", "hill"]);
+    assert!(code == 2 && errors.contains("--course is for a stack"), "{errors}");
     let (_, dot, _) = ocu(&["graph", "truth_driver", "--format", "dot"]);
     assert!(dot.starts_with("digraph") && dot.contains("style=dashed"), "{dot}");
     let (code, _, errors) = ocu(&["graph", "absent_stack"]);

@@ -273,6 +273,14 @@ fn a_damaged_recording_is_told_by_the_exit_code() {
     assert_eq!(run(&["diff", &part, &part, "--json"], 3)["equal"], true, "as far as it could be read");
     assert_eq!(run(&["diff", &whole, &whole, "--json"], 0)["equal"], true);
     run(&["latency", &whole, "--json"], 0);
+    run(&["info", &part, "--json"], 3);
+    let png = path("part.png");
+    let size = ["--layout", "default", "--at", "0.5", "--size", "320x200"];
+    let render = [&["render", part.as_str()], &size[..], &["-o", png.as_str()]].concat();
+    for args in [&["graph", part.as_str()][..], &render[..]] {
+        let (code, _, errors) = ocu(args);
+        assert!(code == 3 && errors.contains("the recording is damaged"), "{args:?}: {code} {errors}");
+    }
 }
 
 #[test]

@@ -355,7 +355,7 @@ fn a_check_reads_all_parts_of_a_split_recording() {
 #[test]
 fn a_file_that_cannot_be_opened_is_wrong_usage_of_every_command() {
     let dir = tempfile::tempdir().unwrap();
-    let [absent, out] = ["absent.mcap", "out.png"].map(|name| dir.path().join(name));
+    let [absent, out, table] = ["absent.mcap", "out.png", "out.csv"].map(|name| dir.path().join(name));
     for command in [
         "ABSENT",
         "info ABSENT",
@@ -364,7 +364,7 @@ fn a_file_that_cannot_be_opened_is_wrong_usage_of_every_command() {
         "graph ABSENT",
         "diff ABSENT ABSENT",
         "cut ABSENT -o OUT",
-        "export ABSENT --fields /a.x -o OUT",
+        "export ABSENT --fields /a.x -o TABLE",
         "render ABSENT --at 0 --size 64x64 -o OUT",
         "run --stack sample --log ABSENT",
         "run --replay ABSENT",
@@ -382,12 +382,13 @@ fn a_file_that_cannot_be_opened_is_wrong_usage_of_every_command() {
         let word = |word| match word {
             "ABSENT" => text(&absent),
             "OUT" => text(&out),
+            "TABLE" => text(&table),
             word => word,
         };
         let (code, _, errors) = ocu(&command.split(' ').map(word).collect::<Vec<_>>());
         assert!(code == 2 && errors.contains("absent.mcap"), "{command}: {code} {errors}");
     }
-    assert!(!out.exists());
+    assert!(!out.exists() && !table.exists());
 }
 
 /// A drive of 60 s along a free row, beside a row of obstacles that stereo is sure of once they are near. Terrain calls

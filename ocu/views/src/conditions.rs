@@ -327,6 +327,7 @@ mod tests {
             run: RunTag::FIRST,
             points: points.iter().map(|&(time, value)| FieldPoint { stamp: Stamp(time), value }).collect(),
             names: Arc::default(),
+            states: Arc::default(),
             reading: None,
             problem: None,
         }

@@ -400,6 +400,7 @@ mod tests {
             run: RunTag::Recorded,
             points: series(&[(100, 0.0), (1000, 1.0)]),
             names: Arc::new(BTreeMap::from([(0, "RUN".into()), (1, "PLAN_TO".into())])),
+            states: Arc::default(),
             reading: None,
             problem: None,
         };
@@ -428,6 +429,7 @@ mod tests {
             run: RunTag::Recorded,
             points: series(&[]),
             names: Arc::default(),
+            states: Arc::default(),
             reading: None,
             problem: None,
         };

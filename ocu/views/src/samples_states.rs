@@ -98,6 +98,7 @@ pub(crate) fn commands() -> Frame {
             run: RunTag::FIRST,
             points: series_of(&Points::new(stamps, values)),
             names: Arc::new(names.iter().map(|&(key, name)| (key, name.into())).collect()),
+            states: Arc::default(),
             reading: None,
             problem: None,
         }

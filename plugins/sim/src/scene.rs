@@ -122,6 +122,14 @@ pub(crate) fn read_vehicle(text: &str) -> Result<VehicleSpec, String> {
     VehicleSpec::from_toml(text).map_err(|error| format!("vehicle: {error}"))
 }
 
+/// Parses a file of a course; none if it is empty.
+fn read_course(text: &str) -> Result<Option<Course>, String> {
+    if text.is_empty() {
+        return Ok(None);
+    }
+    Course::from_toml(text).map(Some).map_err(|error| format!("course: {error} (in the file of a course)"))
+}
+
 /// Parses a world file and computes the world, with the colours of a look unless that is empty.
 pub(crate) fn read_world(text: &str, look: &str) -> Result<World, String> {
     check_world(text)?;
@@ -156,15 +164,21 @@ pub(crate) struct Route {
 }
 
 impl Route {
-    fn new(params: &SimVehicleParams, origin: &Utm, [low, high]: [DVec2; 2]) -> Result<Route, String> {
+    /// The route of a course, or without one of the parameters, in a world with this origin and these corners.
+    fn new(
+        params: &SimVehicleParams,
+        course: Option<Course>,
+        origin: &Utm,
+        [low, high]: [DVec2; 2],
+    ) -> Result<Route, String> {
         let mut route = Route {
             course: String::new(),
             start: DVec2::new(params.start_east_m, params.start_north_m),
             start_yaw_rad: params.start_heading_deg.to_radians(),
             goal: None,
         };
-        if !params.course.is_empty() {
-            let course = Course::from_toml(&params.course).map_err(|error| format!("course: {error}"))?;
+        let of = if course.is_some() { "course: " } else { "" };
+        if let Some(course) = course {
             let place = |what: &str, place: &UtmPosition| {
                 place.in_world(origin).map_err(|WrongZone { got, expected }| {
                     format!("course: {what} is in zone {got}, expected the world's zone {expected}")
@@ -179,7 +193,6 @@ impl Route {
             });
             route.course = course.name;
         }
-        let of = if params.course.is_empty() { "" } else { "course: " };
         for (what, at) in [("start", Some(route.start)), ("goal", route.goal.map(|goal| goal.at))] {
             if let Some(at) = at.filter(|at| !(at.cmpge(low).all() && at.cmple(high).all())) {
                 return Err(format!(
@@ -203,16 +216,19 @@ pub(crate) struct Stage {
 impl Stage {
     /// Returns what is wrong with the texts, without computing a world.
     pub(crate) fn check(params: &SimVehicleParams) -> Result<(), String> {
+        // The course comes first: where it is wrong, it may not name the other files.
+        let course = read_course(&params.course)?;
         read_vehicle(&params.vehicle)?;
         let (origin, bounds) = check_world(&params.world)?;
-        Route::new(params, &origin, bounds).map(|_| ())
+        Route::new(params, course, &origin, bounds).map(|_| ())
     }
 
     /// Parses the texts and computes the world.
     pub(crate) fn new(params: &SimVehicleParams) -> Result<Stage, String> {
+        let course = read_course(&params.course)?;
         let spec = read_vehicle(&params.vehicle)?;
         let scenery = Scenery::from_toml(&params.world)?;
-        let route = Route::new(params, &scenery.world.origin(), scenery.world.bounds_m())?;
+        let route = Route::new(params, course, &scenery.world.origin(), scenery.world.bounds_m())?;
         let texts = Texts::of(&[&params.world, &params.vehicle, &params.course]);
         Ok(Stage { texts, spec, scenery, route })
     }

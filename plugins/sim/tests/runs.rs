@@ -301,6 +301,16 @@ fn bad_files_are_refused_with_their_line_and_reason() {
         |files| files.course = COURSE.replace("goal = {", "goal = { zone = 17,"),
         "courses/yard.toml:1: goal is in zone 17, expected the world's zone 32",
     );
+    // A course without a vehicle, and a world that is taken for a course.
+    let vehicle_line = COURSE.lines().find(|line| line.starts_with("vehicle")).unwrap();
+    check(
+        |files| files.course = COURSE.replace(vehicle_line, ""),
+        "courses/yard.toml: key \"vehicle\" is missing, expected the name of a vehicle",
+    );
+    check(
+        |files| files.course = format!("format = 1{WORLD}"),
+        "is missing, expected the name of a world or the path of its file",
+    );
     let error = plan(STACK, &Files::default(), &[("front_left.pair", "middle")]).unwrap_err();
     assert!(error.contains("expected a camera of the vehicle: front_left, front_right"), "{error}");
 }

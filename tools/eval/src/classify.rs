@@ -3,12 +3,12 @@
 use crate::EvalError;
 use crate::report::{ClassReport, GROUND, OBSTACLE};
 use rcs_bus::Buffer;
-use rcs_log::{CursorOptions, Log, LogMessage, LogTopic};
+use rcs_log::{CursorOptions, Log, LogMessage, LogTopic, TopicId};
 use rcs_metrics::Confusion;
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{AnyMessage, Stamp, canonical, canonical_name, schema_of};
-use rcs_runtime::{Happened, Plan, RunOptions, Stepped};
+use rcs_runtime::{Happened, Plan, RunOptions, Stepped, acquisition_time};
 use rcs_sense::ObstacleLabel;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -45,7 +45,10 @@ pub struct StackRun<'a> {
 pub fn recording(job: &Job<'_>, log: &Log) -> Result<ClassReport, EvalError> {
     let mut pairs = Pairs::new(job);
     let judged = judged_topic(job, log)?;
-    read(log, &[(job.truth_topic, Side::Truth), (&judged, Side::Judged)], &mut pairs)?;
+    let (truth, judged) = (image_topics(log, job.truth_topic)?, image_topics(log, &judged)?);
+    // The ground truth may have been appended to the drive, so that its images come last.
+    read_truth(log, truth, &mut pairs)?;
+    read(log, judged, Side::Judged, &mut pairs)?;
     pairs.report(Vec::new())
 }
 
@@ -107,12 +110,12 @@ impl Pairs {
         if self.confusion.total() == 0 {
             return Err(EvalError::nothing("the true label images have neither ground nor obstacles"));
         }
-        Ok(ClassReport::new(&self.confusion, times_ms))
+        let without_counterpart = self.seen[Side::Judged as usize] - self.matched;
+        Ok(ClassReport::new(&self.confusion, self.matched, without_counterpart, times_ms))
     }
 
-    /// Adds a label image; counts the pair if its counterpart is there.
-    fn add(&mut self, side: Side, image: &RawImage, otherwise: Stamp) -> Result<(), EvalError> {
-        let time = image.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(otherwise);
+    /// Adds a label image and its time of acquisition; counts the pair if its counterpart is there.
+    fn add(&mut self, side: Side, image: &RawImage, time: Stamp) -> Result<(), EvalError> {
         if image.encoding != "mono8" && image.encoding != "8UC1" {
             return Err(EvalError::refused(format!(
                 "label image has encoding {:?}, expected mono8",
@@ -176,46 +179,59 @@ fn class(label: u8) -> Option<usize> {
 fn judged_topic(job: &Job<'_>, log: &Log) -> Result<String, EvalError> {
     let is_classes = |topic: &&LogTopic| topic.metadata.get("rcs.palette").is_some_and(|p| p == "classes");
     let names = log.info().topics.iter().filter(is_classes).map(|topic| topic.name.clone());
-    chosen(job, names.collect(), "the recording")
+    chosen(job, &names.collect::<Vec<_>>(), "the recording")
 }
 
-fn chosen(job: &Job<'_>, mut names: Vec<String>, of: &str) -> Result<String, EvalError> {
-    if let Some(topic) = job.topic {
-        return Ok(topic.to_owned());
+fn chosen(job: &Job<'_>, names: &[String], of: &str) -> Result<String, EvalError> {
+    let topic = match (job.topic, names) {
+        (Some(topic), _) => topic.to_owned(),
+        (None, [topic]) => topic.clone(),
+        (None, []) => {
+            return Err(EvalError::refused(format!(
+                "{of} has no classes; expected --topic with the name of label images"
+            )));
+        }
+        (None, _) => {
+            return Err(EvalError::refused(format!("expected --topic with one of {}", names.join(", "))));
+        }
+    };
+    if topic == job.truth_topic {
+        return Err(EvalError::refused(format!(
+            "got {topic} as the true and as the judged label images, expected two topics"
+        )));
     }
-    match names.len() {
-        1 => Ok(names.remove(0)),
-        0 => Err(EvalError::refused(format!(
-            "{of} has no classes; expected --topic with the name of label images"
-        ))),
-        _ => Err(EvalError::refused(format!("expected --topic with one of {}", names.join(", ")))),
+    Ok(topic)
+}
+
+/// The topics of a recording with this name, which hold label images.
+fn image_topics(log: &Log, name: &str) -> Result<Vec<TopicId>, EvalError> {
+    let topics: Vec<&LogTopic> = log.info().topics_named(name).collect();
+    if topics.is_empty() {
+        return Err(EvalError::refused(format!("the recording has no topic {name}")));
     }
+    for topic in &topics {
+        if canonical_name(&topic.schema) != Some(schema_of::<RawImage>().name()) {
+            let schema = topic.schema.name();
+            return Err(EvalError::refused(format!(
+                "topic {name} holds {schema}, expected images of labels"
+            )));
+        }
+    }
+    Ok(topics.into_iter().map(|topic| topic.id).collect())
+}
+
+/// Adds all true label images of a recording to the pairs, before the first one that is evaluated.
+fn read_truth(log: &Log, topics: Vec<TopicId>, pairs: &mut Pairs) -> Result<(), EvalError> {
+    pairs.keeps_all = true;
+    read(log, topics, Side::Truth, pairs)?;
+    pairs.keeps_all = false;
+    Ok(())
 }
 
 /// Adds the label images of a recording's topics to the pairs.
-fn read(log: &Log, wanted: &[(&str, Side)], pairs: &mut Pairs) -> Result<(), EvalError> {
-    let mut sides = BTreeMap::new();
-    for &(name, side) in wanted {
-        let topics: Vec<&LogTopic> = log.info().topics_named(name).collect();
-        if topics.is_empty() {
-            return Err(EvalError::refused(format!("the recording has no topic {name}")));
-        }
-        for topic in topics {
-            if canonical_name(&topic.schema) != Some(schema_of::<RawImage>().name()) {
-                let schema = topic.schema.name();
-                return Err(EvalError::refused(format!(
-                    "topic {name} holds {schema}, expected images of labels"
-                )));
-            }
-            sides.insert(topic.id, side);
-        }
-    }
-    let options = CursorOptions { topics: Some(sides.keys().copied().collect()), ..CursorOptions::default() };
-    for message in log.cursor(options) {
-        let message = message?;
-        if let Some(&side) = sides.get(&message.topic) {
-            give(log, &message, side, pairs)?;
-        }
+fn read(log: &Log, topics: Vec<TopicId>, side: Side, pairs: &mut Pairs) -> Result<(), EvalError> {
+    for message in log.cursor(CursorOptions { topics: Some(topics), ..CursorOptions::default() }) {
+        give(log, &message?, side, pairs)?;
     }
     Ok(())
 }
@@ -223,12 +239,12 @@ fn read(log: &Log, wanted: &[(&str, Side)], pairs: &mut Pairs) -> Result<(), Eva
 fn give(log: &Log, message: &LogMessage, side: Side, pairs: &mut Pairs) -> Result<(), EvalError> {
     let topic =
         log.info().topic(message.topic).ok_or_else(|| EvalError::nothing("a message has no topic"))?;
-    let image = canonical(&topic.schema, &message.data).transpose();
-    let image = image.map_err(|error| EvalError::nothing(error.to_string()))?;
-    let image: Option<RawImage> = image.and_then(|image: AnyMessage| image.to());
-    let image =
-        image.ok_or_else(|| EvalError::nothing(format!("a message of {} is no image", topic.name)))?;
-    pairs.add(side, &image, message.log_time)
+    let converted = canonical(&topic.schema, &message.data).transpose();
+    let converted: Option<AnyMessage> = converted.map_err(|error| EvalError::nothing(error.to_string()))?;
+    let no_image = || EvalError::nothing(format!("a message of {} is no image", topic.name));
+    let converted = converted.ok_or_else(no_image)?;
+    let image: RawImage = converted.to().ok_or_else(no_image)?;
+    pairs.add(side, &image, acquisition_time(&converted, message.publish_time, message.log_time))
 }
 
 /// Runs a stack to its end and adds its label images, and the ground truth labels of the run or of the recording, to
@@ -245,18 +261,16 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
     let named = |name: &str| buffers.iter().find(|buffer| buffer.name() == name).cloned();
     let is_classes =
         |buffer: &&Arc<Buffer>| buffer.spec().metadata.get("rcs.palette").is_some_and(|p| p == "classes");
-    let names = buffers.iter().filter(is_classes).map(|buffer| buffer.name().to_owned()).collect();
-    let judged_name = chosen(job, names, "the stack")?;
+    let names: Vec<String> =
+        buffers.iter().filter(is_classes).map(|buffer| buffer.name().to_owned()).collect();
+    let judged_name = chosen(job, &names, "the stack")?;
     let judged = named(&judged_name)
         .ok_or_else(|| EvalError::refused(format!("the stack has no buffer {judged_name}")))?;
     let truth = named(job.truth_topic);
     if truth.is_none() {
         let log =
             log.ok_or_else(|| EvalError::refused(format!("the stack has no buffer {}", job.truth_topic)))?;
-        // All ground truth images are read before the first evaluated one, which a process writes later.
-        pairs.keeps_all = true;
-        read(log, &[(job.truth_topic, Side::Truth)], pairs)?;
-        pairs.keeps_all = false;
+        read_truth(log, image_topics(log, job.truth_topic)?, pairs)?;
     }
     run.begin()?;
     let until = until_s.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
@@ -282,7 +296,9 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
             let image = image.ok_or_else(|| {
                 EvalError::nothing(format!("{} does not hold images of labels", buffer.name()))
             })?;
-            pairs.add(side, &image, sample.header.acq_time)?;
+            let header = &sample.header;
+            let time = acquisition_time(&sample.message, header.acq_time, header.log_time);
+            pairs.add(side, &image, time)?;
             if side == Side::Judged
                 && let Some(Happened::Cycle(process)) = happened
             {
@@ -291,4 +307,71 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
         }
     }
     Ok(times_ms)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+
+    /// A label image of two pixels: its side, its stamp and its log time in milliseconds, and its labels.
+    type Image = (Side, u64, u64, [u8; 2]);
+
+    /// The report on a recording of these images, in this order.
+    fn report(images: &[Image]) -> ClassReport {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("labels.mcap");
+        let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+        let channels = ["/truth", "/classes"]
+            .map(|topic| writer.add_channel(topic, schema_of::<RawImage>(), &BTreeMap::new()).unwrap());
+        for &(side, stamp_ms, log_ms, labels) in images {
+            let image = RawImage {
+                timestamp: Some(Stamp(stamp_ms * 1_000_000).to_proto()),
+                width: 2,
+                height: 1,
+                encoding: "mono8".to_owned(),
+                step: 2,
+                data: labels.to_vec().into(),
+                ..RawImage::default()
+            };
+            let time = Stamp(log_ms * 1_000_000);
+            let header = WriteHeader { sequence: 0, log_time: time, publish_time: time };
+            writer.write(channels[side as usize], header, &AnyMessage::new(image).bytes()).unwrap();
+        }
+        writer.finish().unwrap();
+        let job = Job { truth_topic: "/truth", topic: Some("/classes"), tolerance_s: 0.005 };
+        recording(&job, &Log::open(&path).unwrap()).unwrap()
+    }
+
+    /// Compared images, those without a counterpart, and the intersection over union of ground.
+    fn figures(report: &ClassReport) -> (u64, u64, Option<f64>) {
+        (report.images, report.images_without_counterpart, report.ground_iou)
+    }
+
+    #[test]
+    fn label_images_whose_stamp_is_not_set_are_matched_by_their_log_times() {
+        let images = [
+            (Side::Truth, 0, 1000, [1, 2]),
+            (Side::Truth, 0, 2000, [2, 1]),
+            (Side::Judged, 0, 1002, [1, 2]),
+            (Side::Judged, 0, 2002, [2, 1]),
+        ];
+        assert_eq!(figures(&report(&images)), (2, 0, Some(1.0)));
+    }
+
+    #[test]
+    fn ground_truth_that_was_appended_to_the_drive_is_matched_to_all_of_it() {
+        let judged = (1..=100).map(|i| (Side::Judged, 100 * i, 100 * i, [1, 2]));
+        let truth = (1..=100).map(|i| (Side::Truth, 100 * i, 20_000 + i, [1, 2]));
+        let images: Vec<Image> = judged.chain(truth).collect();
+        assert_eq!(figures(&report(&images)), (100, 0, Some(1.0)));
+    }
+
+    #[test]
+    fn a_report_says_how_many_images_it_rests_on() {
+        let judged = (1..=13).map(|i| (Side::Judged, 100 * i, 100 * i, [1, 2]));
+        let images: Vec<Image> = judged.chain([(Side::Truth, 500, 500, [1, 2])]).collect();
+        let report = report(&images);
+        assert_eq!((figures(&report), report.pixels), ((1, 12, Some(1.0)), 2));
+    }
 }

@@ -16,6 +16,7 @@ use rcs_msg::Stamp;
 use rcs_runtime::Assets;
 use rcs_sense::check_exposure;
 use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -23,6 +24,8 @@ use std::time::Instant;
 const RUNS: usize = 5;
 /// Assumed time between images, ns.
 const PERIOD_NS: u64 = 200_000_000;
+/// Most ids that an error names.
+const MOST_IDS: usize = 20;
 /// Distance of the first background samples below the horizon.
 const BELOW_HORIZON_PX: u32 = 50;
 
@@ -60,11 +63,13 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
     let mut engine = Engine::new(apriori(job, settings.samples)?);
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut confusion, mut times_ms) = (Confusion::default(), Vec::new());
+    let mut found = BTreeSet::<u16>::new();
     let rules = rcs_msg::params::default();
     for (index, (path, labels)) in (0..).zip(job.images.iter().zip(job.labels)) {
         let image = image::open(path).map_err(|error| EvalError::read(path, error))?.to_rgb8();
         let size = [image.width() as usize, image.height() as usize];
         let ids = ids(labels, size)?;
+        found.extend(ids.iter().copied());
         check_exposure(image.as_raw(), &rules).map_err(|error| EvalError::unusable(path, error))?;
         let image = Image::new(size, 3 * size[0], image.as_raw())
             .map_err(|error| EvalError::unusable(path, error))?;
@@ -87,10 +92,22 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
             costs.ok_or_else(|| EvalError::nothing(format!("no ground sample in {}", path.display())))?;
         count(&costs, &ids, size, job, &mut confusion);
     }
+    if let Some(absent) = job.ground_ids.iter().find(|id| !found.contains(*id)) {
+        return Err(EvalError::refused(no_such_id(*absent, &found)));
+    }
     if confusion.total() == 0 {
         return Err(EvalError::nothing("all pixels of the label images have ignored ids"));
     }
-    Ok(ClassReport::new(&confusion, times_ms))
+    Ok(ClassReport::new(&confusion, job.images.len() as u64, 0, times_ms))
+}
+
+/// What is said of a ground id that no label image has.
+fn no_such_id(id: u16, found: &BTreeSet<u16>) -> String {
+    let mut ids: Vec<String> = found.iter().take(MOST_IDS).map(u16::to_string).collect();
+    if found.len() > MOST_IDS {
+        ids.push("…".to_owned());
+    }
+    format!("no label image has the ground id {id}, expected one of {}", ids.join(", "))
 }
 
 fn count(

@@ -5,6 +5,7 @@
 //! has no PFM, and the crates for `NumPy` depend on a parser generator and big integers for a header of three entries.
 
 use crate::EvalError;
+use crate::report::counted;
 use flate2::bufread::DeflateDecoder;
 use rawzip::{CompressionMethod, ZipArchive};
 use std::fs::File;
@@ -67,14 +68,20 @@ fn pfm(mut file: impl BufRead, size: [usize; 2]) -> Result<Vec<f32>, TruthError>
     if words[0] != "Pf" {
         return Err(wrong(format!("expected a grey PFM (Pf), got {:?}", words[0])));
     }
-    let side = |word: &str| word.parse().map_err(|error| wrong(format!("{error}")));
-    check_size([side(&words[1])?, side(&words[2])?], size)?;
-    let scale: f32 = words[3].parse().map_err(|error| wrong(format!("{error}")))?;
+    let side =
+        |what: &str, word: &str| word.parse().map_err(|_| not_in_pfm(what, word, "a number of pixels"));
+    check_size([side("width", &words[1])?, side("height", &words[2])?], size)?;
+    let scale: f32 = words[3].parse().map_err(|_| not_in_pfm("scale", &words[3], "a number"))?;
     let mut bytes = vec![0; size[0] * size[1] * 4];
     file.read_exact(&mut bytes).map_err(|error| wrong(format!("pixels of the PFM are cut off: {error}")))?;
     let from = if scale < 0.0 { f32::from_le_bytes } else { f32::from_be_bytes };
     let values: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|bytes| from(*bytes)).collect();
     Ok(values.chunks_exact(size[0]).rev().flatten().copied().collect())
+}
+
+/// The error for a word of a PFM's header that cannot be read.
+fn not_in_pfm(what: &str, word: &str, expected: &str) -> TruthError {
+    wrong(format!("{what} of the PFM is {word:?}, expected {expected}"))
 }
 
 fn png(path: &Path, size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
@@ -106,7 +113,8 @@ fn npz(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
         }
         other => return Err(wrong(format!("array is packed by {other:?}, expected it stored or deflated"))),
     };
-    npy(&array, size)
+    let name = String::from_utf8_lossy(header.file_path().as_bytes());
+    npy(&array, size).map_err(|error| wrong(format!("{name}, the first array of the archive: {error}")))
 }
 
 /// A `NumPy` array file: a magic number, a header that is a Python dictionary, and the numbers.
@@ -137,7 +145,8 @@ fn npy(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
         .map(|side| side.trim().parse().map_err(|_| wrong(format!("shape of the array is ({shape})"))))
         .collect::<Result<_, _>>()?;
     let &[height, width] = shape.as_slice() else {
-        return Err(wrong(format!("array has {} dimensions, expected 2", shape.len())));
+        let dimensions = counted(shape.len() as u64, "dimension");
+        return Err(wrong(format!("array has {dimensions}, expected 2")));
     };
     check_size([width, height], size)?;
     let kind = value("descr")?.split('\'').nth(1).unwrap_or_default();
@@ -177,6 +186,9 @@ mod tests {
         for file in ["", "Pf\n3 2", "PF\n3 2\n-1\n", "Pf\nx 2\n-1\n", "Pf\n3 2\n\n\n"] {
             assert!(pfm(file.as_bytes(), [3, 2]).is_err(), "{file:?}");
         }
+        let refused = |file: &str| pfm(file.as_bytes(), [3, 2]).unwrap_err().to_string();
+        assert_eq!(refused("Pf\n3 2\nabc\n"), "scale of the PFM is \"abc\", expected a number");
+        assert_eq!(refused("Pf\nx 2\n1\n"), "width of the PFM is \"x\", expected a number of pixels");
     }
 
     /// An array file with this header.
@@ -205,7 +217,7 @@ mod tests {
             assert!(error.contains(expected), "got \"{error}\", expected \"{expected}\"");
         };
         check("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 1)}", "truth is 1x2 pixels");
-        check("{'descr': '<f4', 'fortran_order': False, 'shape': (2,)}", "1 dimensions, expected 2");
+        check("{'descr': '<f4', 'fortran_order': False, 'shape': (2,)}", "1 dimension, expected 2");
         check("{'descr': '<f4', 'fortran_order': True, 'shape': (1, 2)}", "by columns");
         check("{'descr': '<i4', 'fortran_order': False, 'shape': (1, 2)}", "array holds <i4");
         check("{'descr': '<f4', 'shape': (1, 2)}", "no fortran_order");
@@ -249,6 +261,11 @@ mod tests {
                 assert!(read(&damaged).map_or(2, |values| values.len()) == 2);
             }
         }
+        let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (2,), }\n";
+        let list = array(header, &bytes_of(&[1.5, 2.0]));
+        let error = npz(&archive(CompressionMethod::STORE, &list), [2, 1]).unwrap_err().to_string();
+        let expected = "arr_0.npy, the first array of the archive: array has 1 dimension, expected 2";
+        assert_eq!(error, expected);
         let huge = archive(CompressionMethod::DEFLATE, &vec![0; 1 << 20]);
         let error = npz(&huge, [2, 1]).unwrap_err().to_string();
         assert!(error.contains("more than 65552 bytes"), "{error}");

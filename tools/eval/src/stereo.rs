@@ -1,5 +1,6 @@
 //! Evaluates disparities of one pair of images against ground truth, and measures the time.
 
+use crate::report::counted;
 use crate::{EvalError, disparity_file};
 use rcs_geom::PinholeCamera;
 use rcs_stereo::{CameraInfo, Matcher, Method, NO_DISPARITY, Settings, StereoCamera, Strip, score};
@@ -31,6 +32,8 @@ pub struct Job<'a> {
 /// there are none.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Report {
+    /// Pixels seen by both cameras, over which the other figures are.
+    pub pixels: Option<usize>,
     /// Of the pixels with a disparity, the share with an error of more than 2 pixels, percent.
     pub bad2_valid_pct: Option<f64>,
     /// Of all pixels, the share with an error of more than 2 pixels or without a disparity, percent.
@@ -96,6 +99,7 @@ pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
         )));
     }
     Ok(Report {
+        pixels: score.map(|score| score.pixels),
         bad2_valid_pct: score.and_then(|score| score.bad2_valid_pct),
         bad2_dense_pct: score.map(|score| score.bad2_dense_pct),
         density_pct: score.map_or_else(|| density(&disparity, size[0], job.disparities), |s| s.density_pct),
@@ -107,8 +111,8 @@ pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
 
 impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(dense) = self.bad2_dense_pct {
-            writeln!(out, "over pixels seen by both cameras:")?;
+        if let (Some(pixels), Some(dense)) = (self.pixels, self.bad2_dense_pct) {
+            writeln!(out, "over {} seen by both cameras:", counted(pixels as u64, "pixel"))?;
             if let Some(valid) = self.bad2_valid_pct {
                 writeln!(out, "  {valid:6.2} % of those with a disparity are more than 2 px off")?;
             }
@@ -120,7 +124,8 @@ impl fmt::Display for Report {
         } else {
             writeln!(out, "  {:6.2} % of the pixels right of the range have a disparity", self.density_pct)?;
         }
-        writeln!(out, "  {:6.2} ms, median of {RUNS}, {} threads", self.ms_median, self.threads)
+        let threads = counted(self.threads as u64, "thread");
+        writeln!(out, "  {:6.2} ms, median of {RUNS}, {threads}", self.ms_median)
     }
 }
 

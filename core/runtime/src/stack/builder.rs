@@ -86,7 +86,7 @@ impl<'a> Builder<'a> {
                 let names = entries.iter().map(|entry| entry.get_ref().name.get_ref().as_str());
                 return Err(StackError {
                     file: "--param".to_owned(),
-                    line: 1,
+                    line: 0,
                     message: format!(
                         "{path} names no parameter; expected <process>.<field>=<value>, with process {}",
                         one_of(names)

@@ -22,7 +22,7 @@ impl Course {
         let asset = match (name, own) {
             (Some(name), _) => assets.read("course", name, "").map_err(|message| StackError {
                 file: "--course".to_owned(),
-                line: 1,
+                line: 0,
                 message,
             })?,
             (None, Some(own)) => assets

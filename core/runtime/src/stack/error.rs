@@ -1,17 +1,27 @@
 //! Errors in stack files.
 
+use std::fmt;
 use std::ops::Range;
 
 /// An error in a stack file: `path:line: what is wrong, and what was expected`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{file}:{line}: {message}")]
 pub struct StackError {
-    /// Name of the file.
+    /// Name of the file, or the argument that is wrong.
     pub file: String,
-    /// Line, from 1.
+    /// Line, from 1; 0 where no line is to blame.
     pub line: usize,
     /// What is wrong, and what was expected.
     pub message: String,
+}
+
+impl fmt::Display for StackError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { file, line, message } = self;
+        match line {
+            0 => write!(f, "{file}: {message}"),
+            _ => write!(f, "{file}:{line}: {message}"),
+        }
+    }
 }
 
 impl StackError {

@@ -85,7 +85,7 @@ impl<'a> ParamReader<'a> {
             };
             let error = |error: String| StackError {
                 file: "--param".to_owned(),
-                line: 1,
+                line: 0,
                 message: format!("{path}: {error}"),
             };
             let spec = params::find(descriptor, field).map_err(|e| error(e.to_string()))?;
@@ -163,7 +163,7 @@ impl<'a> ParamReader<'a> {
             };
             let error = |error: String| StackError {
                 file: "--param".to_owned(),
-                line: 1,
+                line: 0,
                 message: format!("{path}: {error}"),
             };
             let spec = params::find(descriptor, field).map_err(|refused| error(refused.to_string()))?;
@@ -270,11 +270,13 @@ impl<'a> ParamReader<'a> {
             || self.options.overrides.iter().any(|(given, _)| *given == path);
         let course = self.course.as_ref().filter(|_| !is_given)?;
         let own = course.asset(&field.kind, self.options.assets).ok()?;
-        let (file, message) = match own {
-            Some(empty) => (empty.file, error.to_owned()),
-            None => (course.file().to_owned(), format!("{}: {error}", field.field)),
+        let Some(empty) = own else {
+            let kind = &field.kind;
+            let message =
+                format!("key \"{kind}\" is missing, expected the name of a {kind} or the path of its file");
+            return Some(StackError { file: course.file().to_owned(), line: 0, message });
         };
-        Some(StackError { file, line: 1, message })
+        Some(StackError { file: empty.file, line: 1, message: error.to_owned() })
     }
 }
 

@@ -1,6 +1,6 @@
 //! `ocu eval`.
 
-use super::values::{Param, parse_param, parse_seconds};
+use super::values::{Param, parse_param, parse_seconds, parse_seed};
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -31,7 +31,8 @@ pub enum EvalCommand {
                         With ground truth, all figures are over pixels seen by both cameras: those that have truth, lie at \
                         x >= the number of disparities, and of which no other pixel of the row with a disparity \
                         larger by more than 1 claims the same column of the right image. bad2_valid_pct is of \
-                        pixels with a disparity; in bad2_dense_pct a pixel without one counts as bad.\n\n\
+                        pixels with a disparity; in bad2_dense_pct a pixel without one counts as bad. pixels is \
+                        the number of pixels seen by both cameras.\n\n\
                         A calibration is a TOML file with tables [left] and [right], each with width, height, k (9 \
                         numbers), model, d, r (9) and p (12), as in calibration messages; the images are then \
                         rectified first."
@@ -75,8 +76,8 @@ pub struct EvalStereoArgs {
                         trapezoid whose colours differ from all models becomes a model at once, up to 5. There is \
                         no fusion over time: images of one's own need not be a sequence.\n\n\
                         Counted is every pixel of the label images but those with an ignored id. Ground is what has \
-                        one of the ground ids, everything else is obstacle. A pixel is called what its pixel of the \
-                        128x96 image is called. One that no model knows is unclassified: it is missed by both \
+                        one of the ground ids, each of which must occur, everything else is obstacle. A pixel is \
+                        called what its pixel of the 128x96 image is called. One that no model knows is unclassified: it is missed by both \
                         classes, and counts in unclassified_pct. IoU is intersection over union, f1 is that of \
                         ground; null where nothing is of the class or called so. ms_median is the time to learn from and to \
                         classify an image, on one thread, without reading the file."
@@ -116,8 +117,9 @@ pub struct EvalColorArgs {
                         obstacle, which counts as ground. Other values are of no class: pixels whose true label is \
                         one of them are not counted, pixels that are judged so are unclassified: missed by both \
                         classes, and counted in unclassified_pct. Images are matched by the time at which they were \
-                        taken, and must be of one size. IoU is intersection over union, f1 is that of ground; null \
-                        where there is nothing of the class. ms_median is the time of a cycle of the stack's process \
+                        taken, and must be of one size. images is how many were compared, \
+                        images_without_counterpart how many were judged and have no true one, pixels how many were \
+                        counted. IoU is intersection over union, f1 is that of ground; null where there is nothing of the class. ms_median is the time of a cycle of the stack's process \
                         that writes the label images, on one thread; null without a stack."
 )]
 pub struct EvalClassifyArgs {
@@ -138,16 +140,28 @@ pub struct EvalClassifyArgs {
     #[arg(long, short, value_name = "COURSE", requires = "stack")]
     pub course: Option<String>,
     /// Seed of the run's random numbers
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Parameter of a process, as process.field=value; may be given several times
     #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param, requires = "stack")]
     pub params: Vec<Param>,
     /// Time at which the stack is stopped, in seconds from its start
-    #[arg(long, value_name = "T", value_parser = parse_seconds, requires = "stack")]
+    #[arg(
+        long,
+        value_name = "T",
+        value_parser = parse_seconds,
+        requires = "stack",
+        allow_negative_numbers = true,
+    )]
     pub until: Option<f64>,
     /// Maximum time difference of label images that are compared, seconds
-    #[arg(long, value_name = "S", default_value = "0.005", value_parser = parse_seconds)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value = "0.005",
+        value_parser = parse_seconds,
+        allow_negative_numbers = true,
+    )]
     pub tolerance: f64,
     /// Print the result as JSON
     #[arg(long)]
@@ -213,13 +227,31 @@ pub struct EvalObstaclesArgs {
     #[arg(long, value_name = "TOPIC")]
     pub truth_pose: Option<String>,
     /// Width of the vehicle, m
-    #[arg(long, value_name = "M", default_value_t = 0.7, value_parser = parse_width)]
+    #[arg(
+        long,
+        value_name = "M",
+        default_value_t = 0.7,
+        value_parser = parse_width,
+        allow_negative_numbers = true,
+    )]
     pub width: f64,
     /// Distance of the vehicle's front ahead of the origin of its frame, m
-    #[arg(long, value_name = "M", default_value_t = 0.24, value_parser = parse_metres)]
+    #[arg(
+        long,
+        value_name = "M",
+        default_value_t = 0.24,
+        value_parser = parse_metres,
+        allow_negative_numbers = true,
+    )]
     pub front: f64,
     /// Tolerance around things, m
-    #[arg(long, value_name = "M", default_value_t = 0.2, value_parser = parse_metres)]
+    #[arg(
+        long,
+        value_name = "M",
+        default_value_t = 0.2,
+        value_parser = parse_metres,
+        allow_negative_numbers = true,
+    )]
     pub tolerance: f64,
     /// Print the result as JSON
     #[arg(long)]

@@ -32,6 +32,7 @@ use eval::EVAL_EXAMPLE;
 use stack::STACK_EXAMPLE;
 use std::path::PathBuf;
 use std::sync::Arc;
+use values::parse_seed;
 
 /// The program's arguments.
 #[derive(Debug, Parser)]
@@ -113,7 +114,7 @@ pub struct WindowArgs {
     #[arg(long, value_name = "FILE", value_parser = parse_remembered)]
     pub remembered: Option<Arc<Remembered>>,
     /// Seed of the random numbers
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Layout to start with: the name of a bundled one, of one that you keep, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
@@ -174,6 +175,17 @@ mod tests {
         let cli = Cli::try_parse_from(["ocu", "info", "drive.mcap", "--json"]).unwrap();
         assert!(matches!(cli.command, Some(Command::Info(InfoArgs { json: true, .. }))));
         assert!(Cli::try_parse_from(["ocu", "render", "--layout", "default"]).is_err());
+    }
+
+    #[test]
+    fn a_negative_number_is_refused_with_the_range_of_its_flag() {
+        let refused = |args: &[&str]| Cli::try_parse_from([&["ocu"], args].concat()).unwrap_err().to_string();
+        let run = refused(&["run", "--stack", "lagr", "--until", "-1"]);
+        assert!(run.contains("expected seconds from 0 to 1e9, got \"-1\""), "{run}");
+        for args in [&["--seed", "-1"][..], &["run", "--stack", "lagr", "--seed", "-1"]] {
+            let seed = refused(args);
+            assert!(seed.contains("expected a whole number from 0 to"), "{seed}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Commands on recordings: `ocu info`, `ocu check`, `ocu latency`, `ocu diff`, `ocu cut`, `ocu render`, `ocu sample`.
 
-use super::values::{Size, parse_duration, parse_seconds, parse_size};
+use super::values::{Size, parse_duration, parse_seconds, parse_seed, parse_size};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -78,7 +78,7 @@ pub struct RenderArgs {
     #[arg(long, short, value_name = "COURSE")]
     pub course: Option<String>,
     /// Seed of the random numbers
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Layout to draw: the name of a bundled one, of one that you keep, or a .ron file; without it, the one that
     /// fits the source
@@ -88,16 +88,30 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     pub against: Option<PathBuf>,
     /// Time to draw, in seconds from the start of the recording
-    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub at: f64,
     /// End of an animation that begins at --at, in seconds from the start of the recording; the output is a GIF
-    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub to: Option<f64>,
     /// Time between two pictures of an animation, in seconds
-    #[arg(long, value_name = "S", default_value = "0.5", value_parser = parse_seconds)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value = "0.5",
+        value_parser = parse_seconds,
+        requires = "to",
+        allow_negative_numbers = true,
+    )]
     pub every: f64,
     /// Speed of an animation: with 4, four seconds of the recording take one
-    #[arg(long, value_name = "X", default_value = "1", value_parser = parse_seconds)]
+    #[arg(
+        long,
+        value_name = "X",
+        default_value = "1",
+        value_parser = parse_seconds,
+        requires = "to",
+        allow_negative_numbers = true,
+    )]
     pub speed: f64,
     /// Size of the image in pixels: 1600x900
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -123,10 +137,16 @@ pub struct CutArgs {
     /// Recording to cut; of one that was split, the folder or the first file
     pub log: PathBuf,
     /// Start of the range, in seconds from the start of the recording
-    #[arg(long, value_name = "T", default_value = "0", value_parser = parse_seconds)]
+    #[arg(
+        long,
+        value_name = "T",
+        default_value = "0",
+        value_parser = parse_seconds,
+        allow_negative_numbers = true,
+    )]
     pub from: f64,
     /// End of the range, in seconds from the start of the recording; by default its end
-    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub to: Option<f64>,
     /// File to write
     #[arg(short, long, value_name = "LOG")]
@@ -143,7 +163,13 @@ pub struct SampleArgs {
     /// File to write
     pub path: PathBuf,
     /// Length of the recording in seconds
-    #[arg(long, value_name = "T", default_value = "20", value_parser = parse_duration)]
+    #[arg(
+        long,
+        value_name = "T",
+        default_value = "20",
+        value_parser = parse_duration,
+        allow_negative_numbers = true,
+    )]
     pub duration: f64,
     /// Replace an existing file
     #[arg(long)]

@@ -1,7 +1,7 @@
 //! `ocu run`.
 
 use super::faults::FaultArgs;
-use super::values::{Param, Save, parse_param, parse_save, parse_seconds, parse_what};
+use super::values::{Param, Save, parse_param, parse_save, parse_seconds, parse_seed, parse_what};
 use crate::remembered::{Remembered, parse_remembered};
 use clap::Args;
 use rcs_runtime::RecordWhat;
@@ -77,13 +77,13 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE", value_parser = parse_remembered, conflicts_with = "replay")]
     pub remembered: Option<Arc<Remembered>>,
     /// Seed of the run's random numbers, 0 by default
-    #[arg(long)]
+    #[arg(long, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// Parameter of a process, as process.field=value; may be given several times
     #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param)]
     pub params: Vec<Param>,
     /// Time at which the run is stopped, in seconds from the start of the recording
-    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub until: Option<f64>,
     /// Fail where a process could use no message of an input, or wrote nothing, and where the run ended before a fault
     /// or an act

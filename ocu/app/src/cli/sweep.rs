@@ -1,7 +1,7 @@
 //! `ocu sweep`.
 
 use super::faults::FaultArgs;
-use super::values::{Values, parse_seconds, parse_values};
+use super::values::{Values, parse_seconds, parse_seed, parse_values};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -38,10 +38,10 @@ pub struct SweepArgs {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub runs: u32,
     /// First seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Time at which a run is stopped, in seconds from its start
-    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub until: Option<f64>,
     /// Folder to which each run is recorded. A recording has the external inputs only, so it is small; the rest is
     /// computed again when it is opened

@@ -22,12 +22,18 @@ pub struct ExportArgs {
     #[arg(long, required = true, num_args = 1.., value_name = "FIELD")]
     pub fields: Vec<String>,
     /// Start of the range, in seconds from the start of the recording
-    #[arg(long, value_name = "T", default_value = "0", value_parser = parse_seconds)]
+    #[arg(
+        long,
+        value_name = "T",
+        default_value = "0",
+        value_parser = parse_seconds,
+        allow_negative_numbers = true,
+    )]
     pub from: f64,
     /// End of the range, in seconds from the start of the recording; by default its end
-    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", value_parser = parse_seconds, allow_negative_numbers = true)]
     pub to: Option<f64>,
-    /// File to write: text (CSV), or Parquet if its name ends with .parquet
+    /// File to write: text (.csv) or Parquet (.parquet)
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Replace an existing file
@@ -42,10 +48,11 @@ pub struct ExportArgs {
                         Supervisors are found from who writes whose command, peers from who reads whose data."
 )]
 pub struct GraphArgs {
-    /// Recording, or a stack: the name of a bundled one, or a .toml file
+    /// Recording (of one that was split, the folder or the first file), or a stack: the name of a bundled one, or a
+    /// .toml file
     #[arg(value_name = "LOG|STACK")]
     pub source: String,
-    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    /// Course that a simulation runs, of a stack: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "COURSE")]
     pub course: Option<String>,
     /// Format of the output

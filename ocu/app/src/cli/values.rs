@@ -116,6 +116,11 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses a seed of random numbers.
+pub(super) fn parse_seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("expected a whole number from 0 to {}, got {text:?}", u64::MAX))
+}
+
 /// Parses the length of a new recording.
 pub(super) fn parse_duration(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {

@@ -108,6 +108,7 @@ mod tests {
             run: RunTag::Recorded,
             points: series_of(&Points::new(stamps, values)),
             names: Points::default().names,
+            states: Points::default().states,
             reading: None,
             problem: None,
         };

@@ -131,6 +131,7 @@ fn a_condition_stops_the_source_while_its_view_is_hidden() {
         run: RunTag::FIRST,
         points: values.into_iter().map(|(time, value)| FieldPoint { stamp: Stamp(time), value }).collect(),
         names: Arc::default(),
+        states: Arc::default(),
         reading: None,
         problem: None,
     };

@@ -24,6 +24,7 @@ pub(crate) fn frame() -> Frame {
             run: RunTag::FIRST,
             points: series_of(&Points::new(stamps, values)),
             names: Arc::default(),
+            states: Arc::default(),
             reading: None,
             problem: None,
         }

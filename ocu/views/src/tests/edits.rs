@@ -91,6 +91,7 @@ fn who_wrote_a_recorded_field_is_found_in_the_recording_and_a_computed_one_in_th
         run,
         points: series_of(&Points::new([9_000, age_ms].map(before), [320.0, 321.0])),
         names: Arc::default(),
+        states: Arc::default(),
         reading: None,
         problem: None,
     };

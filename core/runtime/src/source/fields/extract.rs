@@ -1,6 +1,6 @@
 //! Reads one field from messages of one schema: a number by the scanner, a state with its name, a text by its content.
 
-use rcs_formula::Names;
+use rcs_formula::{Names, States};
 use rcs_msg::{AnyMessage, FieldPath, FieldScanner, ScanError, Schema, Value};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -32,6 +32,8 @@ pub(super) struct Extractor {
     scanner: Option<FieldScanner>,
     kind: Kind,
     pub(super) names: Names,
+    /// The names of all states of an enum whose definition is known.
+    pub(super) states: States,
     /// The keys of texts.
     texts: HashMap<Arc<str>, i64>,
     /// Greatest number of different texts.
@@ -56,6 +58,7 @@ impl Extractor {
             scanner,
             kind,
             names: Names::default(),
+            states: schema.state_names(path).unwrap_or_default().into(),
             texts: HashMap::new(),
             most_texts: MOST_TEXTS,
             lacks_texts: false,

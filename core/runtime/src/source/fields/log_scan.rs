@@ -49,7 +49,8 @@ impl LogFields {
             let (points, told) = (Arc::new(SeriesWriter::default()), Arc::new(Mutex::new(Told::default())));
             match choose(&field.topic, &groups, &field.path) {
                 Ok(Chosen { channels, extractor, problem }) => {
-                    *lock(&told) = Told { reading: Some(0.0), problem, ..Told::default() };
+                    let states = Arc::clone(&extractor.states);
+                    *lock(&told) = Told { states, reading: Some(0.0), problem, ..Told::default() };
                     let reader = Reader { extractor, points: Arc::clone(&points), told: Arc::clone(&told) };
                     add(&mut wanted, channels, reader);
                 }
@@ -102,6 +103,7 @@ impl LogFields {
                 run: RunTag::Recorded,
                 points: growing.points.read(),
                 names: Arc::clone(&told.names),
+                states: Arc::clone(&told.states),
                 reading: told.reading,
                 problem: told.problem.clone(),
             }
@@ -218,7 +220,8 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
         let (points, told) = (Arc::new(SeriesWriter::default()), Arc::new(Mutex::new(Told::default())));
         match choose(&field.topic, &groups, &field.path) {
             Ok(Chosen { channels, extractor, problem }) => {
-                lock(&told).problem = problem;
+                let states = Arc::clone(&extractor.states);
+                *lock(&told) = Told { states, problem, ..Told::default() };
                 let extractor = extractor.with_all_texts();
                 let reader = Reader { extractor, points: Arc::clone(&points), told: Arc::clone(&told) };
                 add(&mut wanted, channels, reader);
@@ -237,6 +240,7 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
             run: RunTag::Recorded,
             points: points.read(),
             names: Arc::clone(&told.names),
+            states: Arc::clone(&told.states),
             reading: None,
             problem,
         }

@@ -21,7 +21,7 @@ pub(super) use run_fields::RunFields;
 
 use super::run_tag::RunTag;
 use super::series::{Record, Series};
-use rcs_formula::{FieldRef, Moments, Names, Points};
+use rcs_formula::{FieldRef, Moments, Names, Points, States};
 use rcs_msg::Stamp;
 use std::sync::Arc;
 
@@ -63,6 +63,8 @@ pub struct FieldSeries {
     pub points: Series<FieldPoint>,
     /// Names of its values, if it is a state, a boolean or a text.
     pub names: Names,
+    /// The names of all states that it can have, if it is an enum and its definition is known.
+    pub states: States,
     /// Progress of reading, 0 to 1; `None` when everything was read.
     pub reading: Option<f64>,
     /// Why there are no values, or not all of them.
@@ -72,7 +74,7 @@ pub struct FieldSeries {
 impl FieldSeries {
     /// All values up to now.
     pub fn all(&self) -> Points {
-        points_of(&self.points, &self.names)
+        Points { states: Arc::clone(&self.states), ..points_of(&self.points, &self.names) }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::FieldPoint;
 use super::extract::Extractor;
 use crate::source::series::SeriesWriter;
-use rcs_formula::Names;
+use rcs_formula::{Names, States};
 use rcs_log::TopicId;
 use rcs_msg::{AnyMessage, Schema, Stamp};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 #[derive(Default)]
 pub(super) struct Told {
     pub(super) names: Names,
+    pub(super) states: States,
     pub(super) reading: Option<f64>,
     pub(super) problem: Option<Arc<str>>,
 }

@@ -185,6 +185,7 @@ impl RunFields {
         let series = |field: &RunField, run: usize| {
             let RunPoints { points, is_lossy, .. } = &field.runs[run];
             let lost = is_lossy.then(|| "a part of the past was not kept".into());
+            let extractor = field.extractor.as_ref().ok();
             let problem = match &field.extractor {
                 Ok(extractor) => lost.or_else(|| extractor.lacking()),
                 Err(problem) => Some(Arc::clone(problem)),
@@ -193,11 +194,8 @@ impl RunFields {
                 field: field.field.clone(),
                 run: RunTag::Run(RunId(run as u32)),
                 points: points.read(),
-                names: field
-                    .extractor
-                    .as_ref()
-                    .map(|extractor| Arc::clone(&extractor.names))
-                    .unwrap_or_default(),
+                names: extractor.map(|extractor| Arc::clone(&extractor.names)).unwrap_or_default(),
+                states: extractor.map(|extractor| Arc::clone(&extractor.states)).unwrap_or_default(),
                 reading: None,
                 problem,
             }
