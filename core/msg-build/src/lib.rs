@@ -22,7 +22,8 @@
 
 use heck::ToUpperCamelCase;
 use prost_build::Config;
-use prost_types::{FileDescriptorProto, FileDescriptorSet};
+use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -35,10 +36,7 @@ pub fn compile() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed={}", shared.join("rcs").display());
     let own = names_below(Path::new("proto"))?;
     let set = Compiled::new(&["proto".into(), shared], &own)?;
-    let packages = set.packages();
-    let [package] = packages.as_slice() else {
-        return Err(format!("proto/ has packages {packages:?}, expected one").into());
-    };
+    let package = one_package(set.own_files())?;
     let mut config = Config::new();
     config.prost_path("::rcs_msg::prost").prost_types_path("::rcs_msg::prost_types");
     for (from, name) in set.imported() {
@@ -83,6 +81,46 @@ fn rust_name(message: &str) -> String {
     message.to_upper_camel_case()
 }
 
+/// The protobuf package of some files: there must be one, the same for all.
+fn one_package<'a>(files: impl Iterator<Item = &'a FileDescriptorProto>) -> Result<&'a str, String> {
+    let mut packages = BTreeSet::new();
+    for file in files {
+        if file.package().is_empty() {
+            return Err(format!("{} has no package, expected a line like `package acme;`", file.name()));
+        }
+        packages.insert(file.package());
+    }
+    let packages: Vec<_> = packages.into_iter().collect();
+    match packages.as_slice() {
+        &[package] => Ok(package),
+        _ => Err(format!("proto/ has packages {packages:?}, expected one")),
+    }
+}
+
+/// Whether a message has a field `timestamp` that is an `Option<Timestamp>` in Rust.
+fn has_timestamp(message: &DescriptorProto) -> bool {
+    message.field.iter().any(|field| {
+        // A field with `optional` is in a oneof of its own.
+        let is_alone = field.oneof_index.is_none() || field.proto3_optional();
+        field.name() == "timestamp"
+            && field.type_name() == ".google.protobuf.Timestamp"
+            && field.label() == Label::Optional
+            && is_alone
+    })
+}
+
+/// Whether a message has a field `frame_id` that is a `String` in Rust.
+fn has_frame_id(message: &DescriptorProto, syntax: &str) -> bool {
+    message.field.iter().any(|field| {
+        field.name() == "frame_id"
+            && field.r#type() == Type::String
+            && field.label() == Label::Optional
+            && field.oneof_index.is_none()
+            // In proto2 the field is an `Option<String>`.
+            && syntax == "proto3"
+    })
+}
+
 struct Compiled {
     out: PathBuf,
     own: BTreeSet<String>,
@@ -109,10 +147,6 @@ impl Compiled {
 
     fn own_files(&self) -> impl Iterator<Item = &FileDescriptorProto> {
         self.set.file.iter().filter(|file| self.own.contains(file.name()))
-    }
-
-    fn packages(&self) -> Vec<&str> {
-        self.own_files().map(FileDescriptorProto::package).collect::<BTreeSet<_>>().into_iter().collect()
     }
 
     /// Package and name of the messages and enums of imported files, except those of protobuf itself.
@@ -146,17 +180,13 @@ impl Compiled {
         let mut payloads = String::new();
         for file in self.own_files() {
             for message in &file.message_type {
-                let has = |name: &str, type_name: &str| {
-                    let mut fields = message.field.iter();
-                    fields.any(|field| field.name() == name && field.type_name() == type_name)
-                };
                 let rust = format!("{}::{}", module(file.package()), rust_name(message.name()));
-                let timestamp = if has("timestamp", ".google.protobuf.Timestamp") {
+                let timestamp = if has_timestamp(message) {
                     format!("|message| message.get::<{rust}>()?.timestamp")
                 } else {
                     "|_| None".to_owned()
                 };
-                let frame = if has("frame_id", "") {
+                let frame = if has_frame_id(message, file.syntax()) {
                     format!("|message| Some(message.get::<{rust}>()?.frame_id.as_str())")
                 } else {
                     "|_| None".to_owned()
@@ -184,5 +214,69 @@ impl Compiled {
         );
         fs::write(self.out.join("messages.rs"), format!("{head}{bundle}{payloads}"))?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use prost_types::FieldDescriptorProto;
+
+    fn message_with(field: FieldDescriptorProto) -> DescriptorProto {
+        DescriptorProto { field: vec![field], ..DescriptorProto::default() }
+    }
+
+    #[test]
+    fn a_frame_id_is_one_text_that_is_always_there() {
+        let frame_id = FieldDescriptorProto {
+            name: Some("frame_id".to_owned()),
+            r#type: Some(Type::String.into()),
+            label: Some(Label::Optional.into()),
+            ..FieldDescriptorProto::default()
+        };
+        let has = |field: FieldDescriptorProto| has_frame_id(&message_with(field), "proto3");
+        assert!(has(frame_id.clone()));
+        assert!(!has(FieldDescriptorProto { r#type: Some(Type::Uint32.into()), ..frame_id.clone() }));
+        assert!(!has(FieldDescriptorProto { label: Some(Label::Repeated.into()), ..frame_id.clone() }));
+        assert!(!has(FieldDescriptorProto { oneof_index: Some(0), ..frame_id.clone() }), "one of several");
+        let (oneof_index, proto3_optional) = (Some(0), Some(true));
+        assert!(!has(FieldDescriptorProto { oneof_index, proto3_optional, ..frame_id.clone() }));
+        assert!(!has_frame_id(&message_with(frame_id), "proto2"));
+    }
+
+    #[test]
+    fn a_timestamp_is_one_that_may_be_absent() {
+        let timestamp = FieldDescriptorProto {
+            name: Some("timestamp".to_owned()),
+            r#type: Some(Type::Message.into()),
+            type_name: Some(".google.protobuf.Timestamp".to_owned()),
+            label: Some(Label::Optional.into()),
+            ..FieldDescriptorProto::default()
+        };
+        let has = |field: FieldDescriptorProto| has_timestamp(&message_with(field));
+        assert!(has(timestamp.clone()));
+        let (oneof_index, proto3_optional) = (Some(0), Some(true));
+        assert!(has(FieldDescriptorProto { oneof_index, proto3_optional, ..timestamp.clone() }));
+        assert!(!has(FieldDescriptorProto { oneof_index, ..timestamp.clone() }), "one of several");
+        assert!(!has(FieldDescriptorProto { label: Some(Label::Repeated.into()), ..timestamp.clone() }));
+        assert!(!has(FieldDescriptorProto { type_name: Some(".rcs.Stamp".to_owned()), ..timestamp }));
+    }
+
+    #[test]
+    fn files_without_a_package_and_of_two_are_refused() {
+        let file = |name: &str, package: Option<&str>| FileDescriptorProto {
+            name: Some(name.to_owned()),
+            package: package.map(str::to_owned),
+            ..FileDescriptorProto::default()
+        };
+        let files = [file("a.proto", Some("acme")), file("b.proto", Some("acme"))];
+        assert_eq!(one_package(files.iter()), Ok("acme"));
+        let files = [file("a.proto", Some("acme")), file("b.proto", None)];
+        let refused = one_package(files.iter()).unwrap_err();
+        assert_eq!(refused, "b.proto has no package, expected a line like `package acme;`");
+        let files = [file("a.proto", Some("acme")), file("b.proto", Some("rcs"))];
+        let refused = one_package(files.iter()).unwrap_err();
+        assert_eq!(refused, "proto/ has packages [\"acme\", \"rcs\"], expected one");
+        assert!(one_package(std::iter::empty()).is_err());
     }
 }

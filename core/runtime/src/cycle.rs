@@ -19,6 +19,7 @@ use std::sync::Arc;
 /// Output becomes visible to other processes when the cycle has ended, or after the declared latency.
 pub struct Cycle<'a> {
     pub(crate) now: Stamp,
+    pub(crate) period_ns: u64,
     pub(crate) inputs: &'a mut [InputView],
     /// Which inputs the stack connects.
     pub(crate) wired: &'a [bool],
@@ -100,6 +101,11 @@ impl Cycle<'_> {
     /// Simulated time at which the cycle started.
     pub fn now(&self) -> Stamp {
         self.now
+    }
+
+    /// Period of the process in this stack, s.
+    pub fn period_s(&self) -> f64 {
+        self.period_ns as f64 * 1e-9
     }
 
     /// The next unread message of a port; to be called repeatedly. A message that does not decode is a fault and is

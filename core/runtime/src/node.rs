@@ -272,6 +272,7 @@ impl Node {
         let faults = self.status.faults();
         let mut cycle = Cycle {
             now,
+            period_ns: self.period_ns,
             inputs: &mut self.views,
             wired: &self.wired,
             staged: &mut self.staged,

@@ -43,6 +43,15 @@ fn compose(text: &str) -> Result<StackFile, String> {
         ("pair", PAIR),
         ("loop", "format = 1\nname = \"loop\"\n\n[[include]]\npart = \"loop\"\n"),
         ("broken", "format = 1\n[[process]\n"),
+        (
+            "slow",
+            "format = 1\nname = \"slow\"\nauthority_s = 2.5\n\n[[process]]\nname = \"slow\"\nplugin = \"x\"\n",
+        ),
+        ("around", "format = 1\nname = \"around\"\n\n[[include]]\npart = \"slow\"\n"),
+        ("quick", "format = 1\n\nauthority_s = 1.0\n"),
+        ("typo", "format = 1\nname = \"typo\"\nautority_s = 2.5\n"),
+        ("newer", "name = \"newer\"\nformat = 2\n"),
+        ("inline", "format = 1\ninput = [{ buffer = \"/a\", topic = \"/a\" }]\n"),
     ];
     StackFile::compose("main.toml", text, &Parts(PARTS)).map_err(|error| error.to_string())
 }
@@ -134,4 +143,37 @@ fn what_is_wrong_with_an_include_is_said_with_its_file_and_line() {
     refused("[x]\na = \"\"\"\n# ${side}\n\"\"\"\n", "main.toml:5: there is no argument \"side\"");
     refused("[[process]]\nname = \"p_${side\"\n", "main.toml:4: ${ is not closed");
     refused("[[include]]\npart = \"pair\"\nwidth = 2\n", "main.toml:5: unknown field");
+}
+
+#[test]
+fn what_a_part_says_of_the_whole_stack_counts_where_the_stack_does_not_say_it() {
+    let with = |head: &str, parts: &[&str]| {
+        let include = |part: &&str| format!("[[include]]\npart = \"{part}\"\n\n");
+        let includes: Vec<_> = parts.iter().map(include).collect();
+        compose(&format!("format = 1\nname = \"main\"\n{head}\n{}", includes.concat()))
+    };
+    let authority_s = |stack: &StackFile| {
+        let table: toml::Table = toml::from_str(&stack.text).unwrap();
+        table.get("authority_s").and_then(toml::Value::as_float)
+    };
+    let stack = with("", &["around", "slow"]).unwrap();
+    assert_eq!((authority_s(&stack), stack.name()), (Some(2.5), "main"));
+    let line = stack.text.lines().position(|line| line == "authority_s = 2.5").unwrap();
+    let origin = &stack.origins()[line];
+    assert_eq!((origin.file.as_str(), origin.line), ("slow.toml", 3));
+    assert_eq!(stack.text.lines().count(), stack.origins().len());
+    assert_eq!(authority_s(&with("authority_s = 7.0\n", &["slow", "quick"]).unwrap()), Some(7.0));
+    assert_eq!(authority_s(&with("", &[]).unwrap()), None);
+
+    let refused = |parts: &[&str], expected: &str| {
+        let error = with("", parts).unwrap_err();
+        assert!(error.contains(expected), "{error:?} lacks {expected:?}");
+    };
+    refused(
+        &["slow", "quick"],
+        "quick.toml:3: authority_s is 1.0 here and 2.5 in slow.toml:3; expected the same",
+    );
+    refused(&["typo"], "typo.toml:3: unknown field `autority_s` of a part; expected format, name");
+    refused(&["newer"], "newer.toml:2: format 2 is not known; expected 1");
+    refused(&["inline"], "inline.toml:2: input is not taken from the head of a part; expected [[input]]");
 }

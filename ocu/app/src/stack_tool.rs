@@ -64,6 +64,7 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
                     .push(format!("it reads {} of a recording, which --log would check", input.topic)),
                 (None, None) => {}
             }
+            findings.warnings.extend(plan.warnings.iter().cloned());
             findings.warnings.extend(useless_outputs(&plan));
             let unread = unread_outputs(&plan).into_iter();
             findings.unread = unread.map(|(_, _, buffer)| plan.buffers[buffer].spec.name.clone()).collect();

@@ -333,6 +333,31 @@ fn a_check_tells_what_is_probably_not_meant() {
 }
 
 #[test]
+fn a_check_tells_that_the_file_of_a_course_replaces_that_of_the_stack() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("mine.toml");
+    let warnings = |vehicle: &str, param: &[&str]| {
+        let text_of = format!(
+            "format = 1\nname = \"mine\"\ncourse = \"meadow\"\n[[include]]\npart = \"simulated_robot\"\n\
+             [change.vehicle]\nparams = {{ vehicle = \"{vehicle}\" }}\n"
+        );
+        std::fs::write(&path, text_of).unwrap();
+        let (code, out, errors) = ocu(&[&["stack", "check", text(&path), "--json"][..], param].concat());
+        assert_eq!(code, 0, "{out}{errors}");
+        let report = json(&out);
+        let of_files =
+            strings(&report["warnings"]).into_iter().filter(|text| text.contains("vehicle.vehicle"));
+        of_files.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let told = warnings("lagr_worn", &[]);
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].contains("mine.toml:7: the file of vehicle.vehicle does not count"), "{told:?}");
+    assert!(told[0].contains("/lagr.toml; expected it in the course"), "{told:?}");
+    assert_eq!(warnings("lagr", &[]), [""; 0], "the same file");
+    assert_eq!(warnings("lagr_worn", &["--param", "vehicle.vehicle=lagr_worn"]), [""; 0], "it counts more");
+}
+
+#[test]
 fn a_check_reads_all_parts_of_a_split_recording() {
     let (dir, log, stack) = depth_without_calibration();
     let folder = dir.path().join("split");

@@ -26,14 +26,14 @@ use crate::clouds::sunlight;
 use crate::exposure::{Exposure, Sensor, encoding_of, thermal};
 use crate::proto::SimCamerasParams;
 use crate::scene::{Texts, check_world, read_look, read_vehicle, read_world};
-use crate::sensors::is_due;
-use crate::spec::{CameraKind, CameraSpec, CloudsSpec};
+use crate::sensors::{is_due, limit};
+use crate::spec::{CameraKind, CameraSpec, VehicleSpec};
 use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_msg::rcs::GroundTruthState;
-use rcs_runtime::{Cycle, In, NoCommands, Out, Pool, PortBuilder, Process, ProcessDef, Role};
+use rcs_runtime::{Cycle, In, NoCommands, Out, Pool, PortBuilder, Process, ProcessDef, Role, Text};
 use rcs_scene::{CameraRays, ViewRows, World, render_rows};
 use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
@@ -74,7 +74,7 @@ struct CameraSet {
     /// Rays of all cameras, unless the right one has its own.
     rays: CameraRays,
     right_rays: Option<CameraRays>,
-    clouds: Option<CloudsSpec>,
+    vehicle: VehicleSpec,
     sensor: Sensor,
 }
 
@@ -172,13 +172,13 @@ impl Process for SimCameras {
             }
         };
         let Some(state) = cx.read_newest(&ports.ground_truth_state) else {
-            cx.exec("waits for the vehicle's pose");
+            cx.exec(cameras.status("waits for the vehicle's pose", cx.period_s()));
             return;
         };
         let time = state.acq_time();
         let due = self.last.is_none_or(|last| is_due(last.0, time.0, cameras.rate_hz));
         self.last = Some(time);
-        cx.exec("takes images");
+        cx.exec(cameras.status("takes images", cx.period_s()));
         if !due {
             return;
         }
@@ -204,8 +204,8 @@ impl SimCameras {
 }
 
 impl CameraSet {
-    /// The camera named by the parameters, and its lens.
-    fn camera(params: &SimCamerasParams) -> Result<(CameraSpec, PinholeCamera, Option<CloudsSpec>), String> {
+    /// The camera named by the parameters, its lens, and the vehicle that carries it.
+    fn camera(params: &SimCamerasParams) -> Result<(CameraSpec, PinholeCamera, VehicleSpec), String> {
         let vehicle = read_vehicle(&params.vehicle)?;
         let Some(spec) = vehicle.camera(&params.pair) else {
             let names: Vec<&str> = vehicle.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -215,11 +215,11 @@ impl CameraSet {
                 names.join(", ")
             ));
         };
-        Ok((spec.clone(), lens_of(spec, params)?, vehicle.clouds))
+        Ok((spec.clone(), lens_of(spec, params)?, vehicle))
     }
 
     fn new(params: &SimCamerasParams) -> Result<CameraSet, String> {
-        let (spec, lens, clouds) = CameraSet::camera(params)?;
+        let (spec, lens, vehicle) = CameraSet::camera(params)?;
         let world = read_world(&params.world, &params.look)?;
         let size = [lens.width as usize, lens.height as usize];
         Ok(CameraSet {
@@ -233,7 +233,7 @@ impl CameraSet {
             rate_hz: if params.rate_hz > 0.0 { params.rate_hz } else { spec.rate_hz },
             rays: CameraRays::new(&lens),
             right_rays: lowered(&spec, &lens)?.map(|lens| CameraRays::new(&lens)),
-            clouds,
+            vehicle,
             sensor: Sensor::new(&spec, size),
             spec,
             lens,
@@ -250,6 +250,14 @@ impl CameraSet {
         same && self.texts.are(&[&params.world, &params.vehicle, &params.look])
     }
 
+    /// What the process does, and whether fewer images than asked for are possible with its period.
+    fn status(&self, doing: &'static str, period_s: f64) -> Text {
+        match limit(self.rate_hz, period_s, self.vehicle.rates.ground_truth_hz) {
+            Some(limit) => format!("{doing}: {limit}").into(),
+            None => doing.into(),
+        }
+    }
+
     /// Renders and sends the images of all cameras.
     fn take(
         &self,
@@ -261,7 +269,7 @@ impl CameraSet {
         cx: &mut Cycle<'_>,
     ) {
         let exposures = condition.exposures(&self.spec, cx.rng());
-        let sunlight = self.clouds.map_or(1.0, |clouds| sunlight(&clouds, time) as f32);
+        let sunlight = self.vehicle.clouds.map_or(1.0, |clouds| sunlight(&clouds, time) as f32);
         let poses = [0, 1].map(|side| {
             *global_from_vehicle * self.spec.vehicle_from_camera(side) * condition.camera_from_turned(side)
         });

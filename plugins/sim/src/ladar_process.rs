@@ -12,7 +12,7 @@
 
 use crate::proto::SimLadarParams;
 use crate::scene::{Texts, check_world, read_vehicle, read_world};
-use crate::sensors::{is_due, normal};
+use crate::sensors::{is_due, limit, normal};
 use crate::spec::LadarSpec;
 use rand_core::RngCore;
 use rcs_geom::Pose;
@@ -20,7 +20,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{PackedElementField, PointCloud};
 use rcs_msg::rcs::GroundTruthState;
-use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role, Text};
 use rcs_scene::{Class, World};
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
@@ -48,6 +48,8 @@ struct Scanner {
     texts: Texts,
     name: String,
     spec: LadarSpec,
+    /// Rate of the true pose, 1/s.
+    poses_hz: f64,
     world: World,
 }
 
@@ -99,15 +101,20 @@ impl Process for SimLadar {
                 return;
             }
         };
+        let rate_hz = if params.rate_hz > 0.0 { params.rate_hz } else { scanner.spec.rate_hz };
+        let limit = limit(rate_hz, cx.period_s(), scanner.poses_hz);
+        let status = |doing: &'static str| match &limit {
+            Some(limit) => Text::from(format!("{doing}: {limit}")),
+            None => doing.into(),
+        };
         let Some(state) = cx.read_newest(&ports.ground_truth_state) else {
-            cx.exec("waits for the vehicle's pose");
+            cx.exec(status("waits for the vehicle's pose"));
             return;
         };
         let time = state.acq_time();
-        let rate_hz = if params.rate_hz > 0.0 { params.rate_hz } else { scanner.spec.rate_hz };
         let due = self.last.is_none_or(|last| is_due(last.0, time.0, rate_hz));
         self.last = Some(time);
-        cx.exec("scans");
+        cx.exec(status("scans"));
         if !due {
             return;
         }
@@ -134,20 +141,21 @@ impl SimLadar {
 }
 
 impl Scanner {
-    /// The ladar named by the parameters.
-    fn ladar(params: &SimLadarParams) -> Result<LadarSpec, String> {
+    /// The ladar named by the parameters, and the rate of the true pose, 1/s.
+    fn ladar(params: &SimLadarParams) -> Result<(LadarSpec, f64), String> {
         let vehicle = read_vehicle(&params.vehicle)?;
-        vehicle.ladar(&params.ladar).cloned().ok_or_else(|| {
+        let spec = vehicle.ladar(&params.ladar).cloned().ok_or_else(|| {
             let names: Vec<&str> = vehicle.ladars.iter().map(|ladar| ladar.name.as_str()).collect();
             format!("ladar is {:?}, expected one of the vehicle: [{}]", params.ladar, names.join(", "))
-        })
+        })?;
+        Ok((spec, vehicle.rates.ground_truth_hz))
     }
 
     fn new(params: &SimLadarParams) -> Result<Scanner, String> {
-        let spec = Scanner::ladar(params)?;
+        let (spec, poses_hz) = Scanner::ladar(params)?;
         let world = read_world(&params.world, "")?;
         let texts = Texts::of(&[&params.world, &params.vehicle]);
-        Ok(Scanner { texts, name: params.ladar.clone(), spec, world })
+        Ok(Scanner { texts, name: params.ladar.clone(), spec, poses_hz, world })
     }
 
     fn is_of(&self, params: &SimLadarParams) -> bool {

@@ -174,7 +174,7 @@ impl Process for SimVehicle {
         };
         let now = cx.now();
         let is_first = self.run.is_none();
-        let run = self.run.get_or_insert_with(|| Run::new(&stage, params, now, cx));
+        let run = self.run.get_or_insert_with(|| Run::new(&stage, now, cx));
         let before = run.steps;
         run.catch_up(&stage, params, now, cx);
         run.read_commands(&stage, params, now, ports, cx);
@@ -232,16 +232,15 @@ impl Times {
 }
 
 impl Run {
-    fn new(stage: &Stage, params: &SimVehicleParams, now: Stamp, cx: &mut Cycle<'_>) -> Run {
+    fn new(stage: &Stage, now: Stamp, cx: &mut Cycle<'_>) -> Run {
         let spec = &stage.spec;
-        let noise = params.sensor_noise;
         Run {
             start: now,
             steps: 0,
             vehicle: Vehicle::new(spec, &stage.scenery, stage.route.start, stage.route.start_yaw_rad),
             commands: Commands::default(),
-            encoders: Encoders::new(&spec.encoders, noise, cx.rng()),
-            inertial: Inertial::new(&spec.inertial, noise, cx.rng()),
+            encoders: Encoders::new(&spec.encoders, cx.rng()),
+            inertial: Inertial::new(&spec.inertial, cx.rng()),
             gps: Gps::new(&spec.gps, cx.rng()),
             referee: Referee::new(stage.route.start, stage.route.goal.as_ref()),
         }
@@ -300,8 +299,7 @@ impl Run {
         let timestamp = Some(time.to_proto());
         let noise = params.sensor_noise;
         if times.due(spec.encoders.rate_hz) {
-            let elapsed_s = 1.0 / spec.encoders.rate_hz;
-            let reading = self.encoders.measure(&spec.encoders, self.vehicle.rolled_m, elapsed_s);
+            let reading = self.encoders.measure(&spec.encoders, self.vehicle.rolled_m, self.steps, noise);
             let [left_m, right_m] = reading.distance_m;
             let [left_mps, right_mps] = reading.speed_mps;
             cx.write(

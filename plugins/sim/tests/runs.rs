@@ -9,6 +9,7 @@ use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, LocationFix, P
 use rcs_msg::rcs::{self, CourseOutcome};
 use rcs_runtime::source::Task;
 use rcs_runtime::{RunOptions, Snapshot, Stepped};
+use rcs_sim::spec::VehicleSpec;
 use rcs_world::GridView;
 
 fn quiet() -> [(&'static str, &'static str); 1] {
@@ -142,6 +143,45 @@ fn every_sensor_is_sent_at_its_rate() {
 }
 
 #[test]
+fn the_encoders_tell_the_speed_since_their_last_reading_also_where_readings_are_not_evenly_spaced() {
+    let mut files = Files::default();
+    files.vehicle = files.vehicle.replacen("[encoders]\nrate_hz = 50.0", "[encoders]\nrate_hz = 30.0", 1);
+    assert_ne!(files.vehicle, common::LAGR);
+    let slow = STACK.replacen("supervisor =", "period_ms = 20.0\nsupervisor =", 1);
+    let exact = [("front_left.ground_truth", "false"), ("vehicle.sensor_noise", "false")];
+    // A reading every 3 or 4 steps of 10 ms, and every 1 or 2 periods of 20 ms.
+    for stack in [STACK, slow.as_str()] {
+        let mut bench = Bench::start(stack, &files, &exact);
+        bench.drive(1.0, 1.0, 2000);
+        for _ in 0..20 {
+            bench.command(1.0, 1.0);
+            bench.advance(20);
+            let reading: rcs::WheelEncoders = bench.latest("/vehicle/encoders");
+            for speed_mps in [reading.left_mps, reading.right_mps] {
+                // A tick of 0.5 mm in 20 ms.
+                assert!((speed_mps - 1.0).abs() < 0.026, "{speed_mps}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_status_says_why_a_camera_takes_fewer_images_than_asked_for() {
+    let status_of = |files: &Files, rate_hz: &str| {
+        let params = [("front_left.ground_truth", "false"), ("front_left.rate_hz", rate_hz)];
+        let mut bench = Bench::start(STACK, files, &params);
+        bench.advance(200);
+        bench.latest::<rcs::Status>("/front_left/status").state_text
+    };
+    let mut files = Files::default();
+    assert_eq!(status_of(&files, "20"), "takes images");
+    assert_eq!(status_of(&files, "30"), "takes images: 20 of 30 per s, the period is 50 ms");
+    files.vehicle = files.vehicle.replacen("ground_truth_hz = 100.0", "ground_truth_hz = 5.0", 1);
+    let few = status_of(&files, "10");
+    assert!(few.ends_with(": 5 of 10 per s, ground_truth_hz is 5"), "{few}");
+}
+
+#[test]
 fn the_true_map_is_the_world() {
     let bench = Bench::start(STACK, &Files::default(), &quiet());
     let grid: Grid = bench.latest("/vehicle/ground_truth_map");
@@ -245,6 +285,31 @@ fn a_run_goes_on_from_a_snapshot_on_disk_with_the_same_bits() {
     second.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
     second.run_until(at(900)).unwrap();
     assert_eq!(second.summary().hash, whole.summary().hash);
+}
+
+#[test]
+fn a_sensor_with_the_frame_of_another_one_is_refused_with_its_line() {
+    let refused = |text: &str, from: &str, to: &str| {
+        let changed = text.replacen(from, to, 1);
+        let line = 1 + changed.lines().position(|line| line == to).unwrap();
+        let error = VehicleSpec::from_toml(&changed).unwrap_err();
+        assert_eq!(error.line, line, "{error}");
+        error.reason
+    };
+    let taken = |sensor: &str, frame: &str| {
+        format!("{sensor} has the frame {frame:?}, which is taken, expected another name")
+    };
+    let (first, second) = ("name = \"ladar_roof\"", "name = \"ladar_bumper\"");
+    assert_eq!(refused(common::TRACTOR, first, "name = \"gps\""), taken("ladar", "gps"));
+    assert_eq!(
+        refused(common::TRACTOR, second, "name = \"stereo_left_camera\""),
+        taken("ladar", "stereo_left_camera")
+    );
+    let ladar = common::TRACTOR.split_once("[[ladar]]\n").unwrap().1.split_once("[[ladar]]").unwrap().0;
+    let both = format!("{}\n[[ladar]]\n{ladar}", common::LAGR);
+    assert!(VehicleSpec::from_toml(&both).is_ok());
+    let renamed = both.replacen("name = \"infrared_right\"", "name = \"front\"", 1);
+    assert_eq!(refused(&renamed, first, "name = \"front\" # ladar"), taken("ladar", "front"));
 }
 
 /// Expects that files with one change are refused with this text.

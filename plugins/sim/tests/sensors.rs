@@ -7,14 +7,14 @@ mod common;
 use common::{Counter, lagr};
 use glam::DVec3;
 use rcs_geom::Pose;
-use rcs_sim::sensors::{Gps, GpsFix, GpsSwitches, Inertial};
+use rcs_sim::sensors::{Encoders, Gps, GpsFix, GpsSwitches, Inertial};
 use rcs_testkit::golden::Trace;
 
 #[test]
 fn at_rest_the_attitude_is_that_of_the_vehicle() {
     let spec = lagr().inertial;
     let mut rng = Counter(1);
-    let mut sensor = Inertial::new(&spec, false, &mut rng);
+    let mut sensor = Inertial::new(&spec, &mut rng);
     let truth = Pose::from_rpy(DVec3::ZERO, 0.2, -0.3, 1.0);
     let force = truth.rotation.conjugate() * (DVec3::Z * 9.81);
     let reading = sensor.measure(&spec, DVec3::ZERO, force, truth.yaw(), false, &mut rng);
@@ -34,6 +34,38 @@ fn noise_is_what_the_vehicle_file_says() {
     let mean = readings.iter().sum::<f64>() / readings.len() as f64;
     let variance = readings.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / readings.len() as f64;
     assert!((variance.sqrt() / spec.accel_noise_mps2 - 1.0).abs() < 0.03, "{}", variance.sqrt());
+}
+
+#[test]
+fn the_errors_of_a_sensor_can_be_switched_during_a_run() {
+    let mut rng = Counter(3);
+    let mut spec = lagr().inertial;
+    (spec.gyro_noise_radps, spec.gyro_walk_radps) = (0.0, 0.0);
+    (spec.accel_noise_mps2, spec.heading_noise_rad) = (0.0, 0.0);
+    let mut inertial = Inertial::new(&spec, &mut rng);
+    let force = DVec3::Z * 9.81;
+    let mut read = |noise| inertial.measure(&spec, DVec3::ZERO, force, 0.5, noise, &mut rng);
+    let [ideal, biased] = [false, true].map(&mut read);
+    assert_eq!((ideal.turn_radps, ideal.force_mps2), (DVec3::ZERO, force));
+    assert!((ideal.orientation.yaw() - 0.5).abs() < 1e-9);
+    assert!(biased.turn_radps.length() > 0.0 && biased.force_mps2 != force);
+    assert!((biased.orientation.yaw() - 0.5).abs() > 1e-9);
+    assert_eq!([false, true].map(read), [ideal, biased], "the biases are those drawn at the start");
+
+    let spec = lagr().encoders;
+    let mut encoders = Encoders::new(&spec, &mut Counter(4));
+    // A kilometre in each interval of 1000 steps, 10 s.
+    let mut read = |noise, interval: u64| {
+        let rolled_m = 1000.0 * interval as f64;
+        encoders.measure(&spec, [rolled_m; 2], 1000 * interval, noise).speed_mps[0]
+    };
+    let is_ideal = |speed_mps: f64| (speed_mps - 100.0).abs() <= 1.01 * spec.tick_m / 10.0;
+    assert!(is_ideal(read(false, 1)), "without errors");
+    assert!(is_ideal(read(true, 2)), "what was rolled before the switch stays");
+    let speed_mps = read(true, 3);
+    assert!(!is_ideal(speed_mps) && (speed_mps - 100.0).abs() <= 100.0 * spec.scale_error, "{speed_mps}");
+    assert!(!is_ideal(read(false, 4)), "rolled before the switch");
+    assert!(is_ideal(read(false, 5)), "without errors again");
 }
 
 const ALL: GpsSwitches = GpsSwitches { noise: true, outliers: true, dropouts: true };

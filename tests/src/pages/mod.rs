@@ -1,5 +1,6 @@
 //! The pages that are made from definitions: `docs/reference`, and the tables of the README. A test says where a page is
-//! another; `scripts/docs` writes all of them anew (it sets `UPDATE_DOCS`).
+//! another; `scripts/docs` writes all of them anew (it sets `UPDATE_DOCS`). Of `docs/write-a-plugin.md`, which a person
+//! writes, the stack is checked.
 
 mod channels;
 mod declarations;
@@ -9,6 +10,7 @@ mod plugins;
 mod proto;
 mod readme;
 mod stacks;
+mod write_a_plugin;
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -24,13 +24,15 @@ fn the_reference_of_stack_files_is_made_from_what_reads_them() {
         &words("`writers`", &variants(FILE, "WritersEntry")),
         "## `[[include]]`\n\n",
         &keys(&fields(COMPOSE, "Include")),
+        "What a part says as `course`, `remembers` or `authority_s` counts for the stack that includes it, unless that says \
+         it, too. Its `name` and `description` are its own.\n\n",
         "## `[arguments.NAME]` of a part\n\nA part says `${name}` in its texts.\n\n",
         &keys(&fields(ARGUMENTS, "Declaration")),
         "## `[change.PROCESS]`\n\nKeys of a process that came with a part, as in `[[process]]`: each replaces the part's, \
          `inputs`, `outputs` and `params` entry by entry.\n\n",
         "## Values of the course\n\n`\"${vehicle.wheels.track_m}\"` as the value of a parameter is a key of the file that \
          the course names as its `vehicle`; likewise `world`. A parameter that is a file takes the course's file of its \
-         kind, unless the stack says another.\n",
+         kind, whatever the stack says; `--param` counts more.\n",
     ]
     .concat();
     check_reference("stacks", &text);

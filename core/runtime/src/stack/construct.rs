@@ -30,8 +30,8 @@ impl Plan {
         let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
-        let files = params.files;
-        Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns })
+        let ParamReader { files, warnings, .. } = params;
+        Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns, warnings })
     }
 
     /// The stack of a recorded run, from the text and the parameters in its identity. Files are read only for overrides
@@ -47,8 +47,8 @@ impl Plan {
         let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
-        let files = params.files;
-        Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns })
+        let ParamReader { files, warnings, .. } = params;
+        Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns, warnings })
     }
 }
 

@@ -1,7 +1,7 @@
 //! The content of a stack file; values keep their position in the text.
 
 use super::assets::{Assets, NoAssets};
-use super::compose::{Origin, compose};
+use super::compose::{FORMAT, Origin, compose};
 use super::error::StackError;
 use rcs_msg::Value;
 use serde::de::{MapAccess, SeqAccess, Visitor};
@@ -228,7 +228,7 @@ pub enum OverflowEntry {
 
 impl StackFile {
     /// The version of the format that this program reads and writes.
-    pub const FORMAT: u32 = 1;
+    pub const FORMAT: u32 = FORMAT;
 
     /// Parses the text of a stack file without includes; errors name it `file`.
     pub fn parse(file: &str, text: &str) -> Result<Self, StackError> {

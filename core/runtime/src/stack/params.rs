@@ -29,6 +29,8 @@ pub(super) struct ParamReader<'a> {
     pub(super) options: PlanOptions<'a>,
     pub(super) course: Option<Course>,
     pub(super) files: FileTable,
+    /// Files of the stack that those of the course replace, with the line that names them.
+    pub(super) warnings: Vec<String>,
     /// Complete messages of a recorded run; if present, nothing else is used.
     given: Option<&'a [rcs::InitialParams]>,
 }
@@ -42,12 +44,13 @@ struct FileField {
 impl<'a> ParamReader<'a> {
     pub(super) fn new(file: &'a StackFile, options: PlanOptions<'a>) -> Result<Self, StackError> {
         let course = Course::read(file, options.course, options.assets)?;
-        Ok(Self { file, options, course, files: FileTable::default(), given: None })
+        Ok(Self { file, options, course, files: FileTable::default(), warnings: Vec::new(), given: None })
     }
 
     /// The parameters of a recorded run.
     pub(super) fn given(file: &'a StackFile, run: &'a rcs::RunInfo, options: PlanOptions<'a>) -> Self {
-        Self { file, options, course: None, files: FileTable::of_run(run), given: Some(&run.params) }
+        let files = FileTable::of_run(run);
+        Self { file, options, course: None, files, warnings: Vec::new(), given: Some(&run.params) }
     }
 
     pub(super) fn read(
@@ -78,7 +81,7 @@ impl<'a> ParamReader<'a> {
             let path = FieldPath::root().field(field.get_ref().as_str());
             self.put(name, &mut values, &path, value)?;
         }
-        self.take_course(&files, &mut values)?;
+        self.take_course(entry, &files, &mut values)?;
         for (path, text) in self.options.overrides {
             let Some(field) = path.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) else {
                 continue;
@@ -220,18 +223,41 @@ impl<'a> ParamReader<'a> {
     }
 
     /// Sets the parameters that come with the course: the course itself, and the files that it names.
-    fn take_course(&mut self, files: &[FileField], values: &mut DynamicMessage) -> Result<(), StackError> {
+    fn take_course(
+        &mut self,
+        entry: &ProcessEntry,
+        files: &[FileField],
+        values: &mut DynamicMessage,
+    ) -> Result<(), StackError> {
         for file in files {
             let Some(course) = &self.course else { return Ok(()) };
             let Some(asset) = course.asset(&file.kind, self.options.assets)? else { continue };
-            let name = Value::Text(self.take_file(&file.kind, &asset));
-            params::set_param(values, &file.field, &name).map_err(|error| StackError {
+            let name = self.take_file(&file.kind, &asset);
+            if text_at(values, &file.field).is_some_and(|own| !own.is_empty() && own != name) {
+                self.warn_of_replaced(entry, file, &asset);
+            }
+            params::set_param(values, &file.field, &Value::Text(name)).map_err(|error| StackError {
                 file: asset.file.clone(),
                 line: 1,
                 message: error.to_string(),
             })?;
         }
         Ok(())
+    }
+
+    /// Warns of a file of the stack in whose place that of the course counts, unless the command line gives a third one.
+    fn warn_of_replaced(&mut self, entry: &ProcessEntry, field: &FileField, of_course: &Asset) {
+        let path = format!("{}.{}", entry.name.get_ref(), field.field);
+        if self.options.overrides.iter().any(|(overridden, _)| *overridden == path) {
+            return;
+        }
+        let key = field.field.split('.').next().unwrap_or_default();
+        let span = entry.params.keys().find(|given| given.get_ref() == key).unwrap_or(&entry.name).span();
+        let warning = format!(
+            "the file of {path} does not count: the course brings {}; expected it in the course, or as --param {path}=…",
+            of_course.file
+        );
+        self.warnings.push(self.file.error(&span, warning).to_string());
     }
 
     /// Adds a file to the run's; returns the name by which parameters refer to it.

@@ -29,6 +29,8 @@ pub struct Plan {
     pub files: FileTable,
     /// How long the operator keeps the authority over a process without sending a command.
     pub authority_ns: u64,
+    /// What is valid but probably a mistake, each with file and line.
+    pub warnings: Vec<String>,
 }
 
 /// A topic of the log and the buffer that it feeds.

@@ -38,16 +38,16 @@ fn normals(rng: &mut impl RngCore) -> DVec3 {
 
 impl Inertial {
     /// Draws the biases.
-    pub fn new(spec: &InertialSpec, noise: bool, rng: &mut impl RngCore) -> Inertial {
-        let drawn = Inertial {
+    pub fn new(spec: &InertialSpec, rng: &mut impl RngCore) -> Inertial {
+        Inertial {
             gyro_bias: normals(rng) * spec.gyro_bias_radps,
             accel_bias: normals(rng) * spec.accel_bias_mps2,
             heading_bias_rad: normal(rng) * spec.heading_bias_rad,
-        };
-        if noise { drawn } else { Inertial::default() }
+        }
     }
 
-    /// Measures a motion, given true turn rates and specific forces in vehicle axes and true yaw.
+    /// Measures a motion, given true turn rates and specific forces in vehicle axes and true yaw. With `noise` the
+    /// reading has the biases and white noise.
     pub fn measure(
         &mut self,
         spec: &InertialSpec,
@@ -61,11 +61,12 @@ impl Inertial {
         let heading_noise = normal(rng);
         let on = if noise { 1.0 } else { 0.0 };
         self.gyro_bias += drawn[2] * (on * spec.gyro_walk_radps / spec.rate_hz.sqrt());
-        let turn = turn_radps + self.gyro_bias + drawn[0] * (on * spec.gyro_noise_radps);
+        let bias = if noise { *self } else { Inertial::default() };
+        let turn = turn_radps + bias.gyro_bias + drawn[0] * (on * spec.gyro_noise_radps);
         let limit = DVec3::splat(spec.accel_limit_mps2);
-        let force = force_mps2 + self.accel_bias + drawn[1] * (on * spec.accel_noise_mps2);
+        let force = force_mps2 + bias.accel_bias + drawn[1] * (on * spec.accel_noise_mps2);
         let force = force.clamp(-limit, limit);
-        let yaw = yaw_rad + self.heading_bias_rad + on * spec.heading_noise_rad * heading_noise;
+        let yaw = yaw_rad + bias.heading_bias_rad + on * spec.heading_noise_rad * heading_noise;
         let roll = libm::atan2(force.y, force.z);
         let pitch = libm::atan2(-force.x, DVec3::new(0.0, force.y, force.z).length());
         let square = |deviation: f64| deviation * deviation;

@@ -33,6 +33,24 @@ pub fn is_due(before_ns: u64, now_ns: u64, rate_hz: f64) -> bool {
     index(now_ns) > index(before_ns)
 }
 
+/// How many readings of those asked for a sensor gives, and why not more, for its status: at most one in each period, s,
+/// of its process, and one for each true pose that comes, `poses_hz`. `None` if it gives all.
+pub(crate) fn limit(rate_hz: f64, period_s: f64, poses_hz: f64) -> Option<String> {
+    let cycles_hz = 1.0 / period_s;
+    let most_hz = cycles_hz.min(poses_hz);
+    // The period in ns is not exact in s.
+    if rate_hz <= most_hz * 1.000_001 {
+        return None;
+    }
+    let rounded = |number: f64| (number * 10.0).round() / 10.0;
+    let why = if cycles_hz <= poses_hz {
+        format!("the period is {} ms", rounded(1e3 * period_s))
+    } else {
+        format!("ground_truth_hz is {}", rounded(poses_hz))
+    };
+    Some(format!("{} of {} per s, {why}", rounded(most_hz), rounded(rate_hz)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,6 +3,7 @@
 use super::reader::{FileError, Section};
 use super::sensors;
 use super::{BodySpec, BumperSpec, MotorSpec, Rates, SteeringSpec, VehicleSpec, WheelSpec};
+use std::collections::BTreeSet;
 
 /// Version of the file format.
 const FORMAT: f64 = 1.0;
@@ -28,19 +29,31 @@ pub(super) fn vehicle(file: &Section<'_>) -> Result<VehicleSpec, FileError> {
         ladars: file.tables("ladar", sensors::ladar)?,
         clouds: file.optional_table("clouds", sensors::clouds)?,
     };
-    let groups = [
-        ("infrared", spec.infrared.iter().map(|sensor| &sensor.name).collect::<Vec<_>>()),
-        ("camera", spec.cameras.iter().map(|sensor| &sensor.name).collect()),
-        ("ladar", spec.ladars.iter().map(|sensor| &sensor.name).collect()),
-    ];
-    for (key, names) in groups {
-        for (index, name) in names.iter().enumerate() {
-            if names[..index].contains(name) {
-                return Err(file.error(key, format_args!("has the name {name:?} twice")));
-            }
+    check_names(file, &spec)?;
+    Ok(spec)
+}
+
+/// Refuses a camera with the name of another one, and a sensor whose frame there is already: a frame lies at one place.
+fn check_names(file: &Section<'_>, spec: &VehicleSpec) -> Result<(), FileError> {
+    for (index, camera) in spec.cameras.iter().enumerate() {
+        if spec.cameras[..index].iter().any(|other| other.name == camera.name) {
+            let reason = format!("has the name {:?} twice", camera.name);
+            return Err(file.error_of_name("camera", index, reason));
         }
     }
-    Ok(spec)
+    let infrared = spec.infrared.iter().enumerate().map(|(index, it)| ("infrared", index, it.name.clone()));
+    let ladars = spec.ladars.iter().enumerate().map(|(index, it)| ("ladar", index, it.name.clone()));
+    let cameras = spec.cameras.iter().enumerate().flat_map(|(index, camera)| {
+        (0..camera.cameras()).map(move |side| ("camera", index, camera.frame(side)))
+    });
+    let mut taken: BTreeSet<String> = ["vehicle", "imu", "gps"].map(str::to_owned).into();
+    for (key, index, frame) in infrared.chain(cameras).chain(ladars) {
+        let reason = format!("has the frame {frame:?}, which is taken, expected another name");
+        if !taken.insert(frame) {
+            return Err(file.error_of_name(key, index, reason));
+        }
+    }
+    Ok(())
 }
 
 fn body(t: &Section<'_>) -> Result<BodySpec, FileError> {

@@ -64,6 +64,14 @@ impl<'a> Section<'a> {
         self.error_at(offset, format!("{}{key} {reason}", self.path))
     }
 
+    /// An error of an element of a list of tables, at its `name`.
+    pub(crate) fn error_of_name(&self, key: &str, index: usize, reason: impl std::fmt::Display) -> FileError {
+        let list = self.table.get(key).and_then(|list| list.get_ref().as_array());
+        let table = list.and_then(|list| list.get(index)).and_then(|entry| entry.get_ref().as_table());
+        let offset = table.and_then(|table| table.get("name")).map_or(self.start, |name| name.span().start);
+        self.error_at(offset, format!("{}{key} {reason}", self.path))
+    }
+
     fn get(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'a>>> {
         self.asked.borrow_mut().push(key);
         self.table.get(key)

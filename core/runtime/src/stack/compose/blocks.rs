@@ -64,11 +64,16 @@ impl Block {
         table.remove(key).ok_or_else(|| self.error(0, format!("expected [{key}]")))
     }
 
-    /// An error at a byte of [`Block::text`].
-    pub(super) fn error(&self, byte: usize, message: impl Into<String>) -> StackError {
+    /// Origin of the line with a byte of [`Block::text`].
+    pub(super) fn origin_at(&self, byte: usize) -> &Origin {
         let text = self.text();
         let line = text.get(..byte).unwrap_or_default().matches('\n').count();
-        let origin = self.lines.get(line).map_or_else(|| self.origin(), |line| &line.origin);
+        self.lines.get(line).map_or_else(|| self.origin(), |line| &line.origin)
+    }
+
+    /// An error at a byte of [`Block::text`].
+    pub(super) fn error(&self, byte: usize, message: impl Into<String>) -> StackError {
+        let origin = self.origin_at(byte);
         StackError { file: origin.file.clone(), line: origin.line, message: message.into() }
     }
 }

@@ -21,15 +21,21 @@
 //! side = { help = "left or right" }
 //! range_m = { help = "farthest point that is used, m", default = 10.0 }
 //! ```
+//!
+//! What a part says of the whole stack (`course`, `remembers`, `authority_s`) counts where the including file does not
+//! say it.
 
 mod arguments;
 mod blocks;
 mod change;
+mod head;
 
 use super::assets::Assets;
 use super::error::{StackError, one_of};
 use arguments::Arguments;
 use blocks::{Block, split};
+pub(crate) use head::FORMAT;
+use head::Inherited;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use toml::Spanned;
@@ -82,7 +88,8 @@ pub(crate) fn compose(file: &str, text: &str, assets: &dyn Assets) -> Result<Com
     Ok(composed)
 }
 
-/// The blocks of a file, with each include replaced by those of its part. `above` are the files that include it.
+/// The blocks of a file, the first of which is its head, with each include replaced by the blocks of its part. `above`
+/// are the files that include it.
 fn expand(
     file: &str,
     text: &str,
@@ -95,6 +102,7 @@ fn expand(
         StackError::at(file, text, &error.span().unwrap_or(0..0), error.message().trim().to_owned())
     })?;
     let mut blocks = Vec::new();
+    let mut of_parts = Vec::new();
     for mut block in split(file, text) {
         if block.is("arguments") {
             continue;
@@ -104,15 +112,23 @@ fn expand(
             block.read_header();
         }
         if block.is("include") {
-            blocks.extend(included(&block, assets, above)?);
+            let (part, inherited) = included(&block, assets, above)?;
+            blocks.extend(part);
+            of_parts.extend(inherited);
         } else {
             blocks.push(block);
         }
     }
+    head::inherit(&mut blocks[0], of_parts)?;
     Ok(blocks)
 }
 
-fn included(block: &Block, assets: &dyn Assets, above: &mut Vec<String>) -> Result<Vec<Block>, StackError> {
+/// The blocks of a part without its head, and the keys of its head that hold for the whole stack.
+fn included(
+    block: &Block,
+    assets: &dyn Assets,
+    above: &mut Vec<String>,
+) -> Result<(Vec<Block>, Vec<Inherited>), StackError> {
     let include: Include = block.parse("include")?;
     let error = |message: String| block.error(include.part.span().start, message);
     let part = include.part.get_ref();
@@ -134,9 +150,9 @@ fn included(block: &Block, assets: &dyn Assets, above: &mut Vec<String>) -> Resu
     above.push(asset.file.clone());
     let mut blocks = expand(&asset.file, &asset.text, &arguments, assets, above)?;
     above.pop();
-    // Name and description of a part do not apply to the stack.
-    blocks.retain(|block| !block.is_head());
-    Ok(blocks)
+    let head = blocks.remove(0);
+    let inherited = head::inherited(&head)?;
+    Ok((blocks, inherited))
 }
 
 /// Of several blocks for one buffer the last counts, because a file comes after the parts that it includes.
