@@ -33,27 +33,7 @@
 //! # World files
 //!
 //! Lengths are in metres, angles in degrees counter-clockwise from east; z is up. Unknown keys are refused.
-//!
-//! | table | keys |
-//! | --- | --- |
-//! | top | `name`, `seed`, `bounds_m = [[x, y], [x, y]]`, `base` (a surface) |
-//! | `[origin]` | `zone`, `north`, `easting_m`, `northing_m`: UTM coordinates of the origin (0, 0) |
-//! | `[sun]` | `azimuth_deg`, `elevation_deg` |
-//! | `[surface.NAME]` | `traction`, `rolling_resistance`, `slip_at_limit`, `height_m`, `density_per_m`, `drag`, `passable`, `colour`, `second_colour` |
-//! | `[[undulation]]` | `wavelength_m`, `amplitude_m` |
-//! | `[[hill]]` | `centre`, `radius_m`, `second_radius_m`, `yaw_deg`, `height_m` (negative for a hollow) |
-//! | `[[slope]]` | `from`, `to`, `rise_m` |
-//! | `[[ditch]]` | `path`, `width_m`, `depth_m`, `bank_m` |
-//! | `[[ledge]]` | `path`, `height_m` (of the left side), `run_m`, `fade_m` |
-//! | `[[paint]]` | `surface`, a region, `edge_m` (irregularity of its border) |
-//! | `[[thing]]` | `kind`, `at`, `yaw_deg`, sizes |
-//! | `[[line]]` | `kind` (fence, hedge), `path`, sizes |
-//! | `[[scatter]]` | `kind`, `count`, `spacing_m`, a region, sizes as a number or `[least, largest]` |
-//! | `[[clear]]` | a region that seeded lists leave empty |
-//!
-//! A region is one of `polygon = [[x, y], …]`, `path = [[x, y], …]` with `width_m`, `circle = [x, y, radius]`.
-//! Sizes are those of `radius_m`, `height_m`, `crown_radius_m`, `length_m` and `width_m` that the kind has.
-//! The names of surfaces and kinds are those of [`Surface`] and [`ThingKind`].
+//! `docs/reference/worlds.md` has every key. The names of surfaces and kinds are those of [`Surface`] and [`ThingKind`].
 //!
 //! Colours, light and sky of a world can be replaced by those of a file of its own, a [`Look`].
 //!

@@ -63,7 +63,7 @@ pub struct Ground {
 }
 
 impl World {
-    /// Parses a world file and computes the world; the crate's documentation lists the keys.
+    /// Parses a world file and computes the world; `docs/reference/worlds.md` lists the keys.
     pub fn from_toml(text: &str) -> Result<World, SceneError> {
         World::with_look(text, None)
     }

@@ -98,7 +98,7 @@ pub struct Condition {
     pub at_least: Option<f64>,
     /// It must not be higher.
     pub at_most: Option<f64>,
-    /// Time for which this must have held, s.
+    /// Time for which this must have held, s, 0 to 600; default 0.
     #[serde(default)]
     pub for_s: f64,
 }
@@ -169,42 +169,42 @@ pub enum Towards {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mode {
-    /// Name, for status and events.
+    /// Name of its own, for status and events.
     pub name: String,
     /// Of several modes that could begin, that of the highest priority does.
     pub priority: i32,
-    /// It begins when all of these hold.
+    /// It begins when all of these hold; at least one.
     pub enter: Vec<Condition>,
-    /// It ends when one of these holds.
+    /// It ends when one of these holds; at least one.
     pub exit: Vec<Condition>,
-    /// Time after its end during which it does not begin again, s.
+    /// Time after its end during which it does not begin again, s, 0 to 600; default 0.
     #[serde(default)]
     pub pause_s: f64,
-    /// How the vehicle is driven.
+    /// How the vehicle is driven; default `FOLLOW`.
     #[serde(default)]
     pub action: Action,
-    /// Which obstacles count.
+    /// Which obstacles count; default `MAP`.
     #[serde(default)]
     pub obstacles: Obstacles,
-    /// What is driven to.
+    /// What is driven to; default `PATH`.
     #[serde(default)]
     pub towards: Towards,
-    /// Greatest speed instead of that of the parameters, m/s.
+    /// Greatest speed instead of that of the parameters, m/s, above 0 and at most 600.
     pub max_speed_mps: Option<f64>,
-    /// Least speed instead of that of the parameters, m/s.
+    /// Least speed instead of that of the parameters, m/s, above 0 and at most 600.
     pub min_speed_mps: Option<f64>,
-    /// Turn rate of the actions REVERSE and SHAKE, rad/s.
+    /// Turn rate of the actions `REVERSE` and `SHAKE`, rad/s; default 0.
     #[serde(default)]
     pub yaw_rate_radps: f64,
-    /// Number of arcs per side instead of that of the parameters.
+    /// Number of arcs per side instead of that of the parameters, 1 to 50.
     pub arcs_per_side: Option<u32>,
-    /// Least free length of an arc instead of that of the parameters, m.
+    /// Least free length of an arc instead of that of the parameters, m, above 0 and at most 600.
     pub least_free_m: Option<f64>,
-    /// Radius of the place that is barred for the rest of the run when the mode begins, m; 0 for none. If it begins with
-    /// slip, the ground ahead is barred in the next run, too.
+    /// Radius of the place that is barred for the rest of the run when the mode begins, m, 0 to 600; default 0, for none.
+    /// If it begins with slip, the ground ahead is barred in the next run, too.
     #[serde(default)]
     pub bars_m: f64,
-    /// Which place that is.
+    /// Which place that is; default `AHEAD`.
     #[serde(default)]
     pub bars: Bars,
 }
@@ -223,8 +223,9 @@ impl Mode {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
+    /// Version of the format: 1.
     format: u32,
-    /// Rows, in the order of the file.
+    /// The modes. Of several with the same priority, the first one counts.
     #[serde(default, rename = "mode")]
     pub modes: Vec<Mode>,
 }

@@ -8,7 +8,7 @@ pub(super) struct Item {
     pub(super) name: String,
     /// As the source writes it, without where it stands.
     type_name: String,
-    help: String,
+    pub(super) help: String,
     is_optional: bool,
 }
 
@@ -51,7 +51,7 @@ fn kind(type_name: &str) -> &str {
         "String" => "text",
         "bool" => "true or false",
         "f64" | "f32" => "number",
-        "u32" | "usize" | "u64" => "whole number",
+        "u32" | "usize" | "u64" | "i32" => "whole number",
         name if name.starts_with("BTreeMap") => "table",
         name if name.starts_with("Vec<") || name.starts_with("BTreeSet<") => "list",
         _ => "",
@@ -99,7 +99,7 @@ fn items(text: &str, name: &str, are_fields: bool) -> Vec<Item> {
     items
 }
 
-fn snake(name: &str) -> String {
+pub(super) fn snake(name: &str) -> String {
     let mut text = String::new();
     for c in name.chars() {
         if c.is_uppercase() && !text.is_empty() {

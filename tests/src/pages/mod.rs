@@ -2,14 +2,19 @@
 //! another; `scripts/docs` writes all of them anew (it sets `UPDATE_DOCS`). Of `docs/write-a-plugin.md`, which a person
 //! writes, the stack is checked.
 
+mod asked;
 mod channels;
 mod declarations;
 mod layouts;
 mod messages;
+mod modes;
 mod plugins;
 mod proto;
 mod readme;
 mod stacks;
+mod vehicle_keys;
+mod world_keys;
+mod worlds;
 mod write_a_plugin;
 
 use std::fmt::Write as _;
@@ -73,5 +78,6 @@ fn every_page_of_the_reference_is_checked() {
         .map(|entry| entry.expect("it can be read").file_name().into_string().expect("a name"))
         .collect();
     names.sort();
-    assert_eq!(names, ["channels.md", "layouts.md", "messages.md", "plugins.md", "stacks.md"]);
+    let pages = ["channels", "layouts", "messages", "modes", "plugins", "stacks", "worlds"];
+    assert_eq!(names, pages.map(|page| format!("{page}.md")));
 }

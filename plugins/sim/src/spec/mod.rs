@@ -1,8 +1,8 @@
 //! The vehicle file, which describes the simulated vehicle.
 //!
-//! An invalid file is refused with line, key, the value found and what was expected; unknown keys are refused. Lengths
-//! are in metres, positions in the vehicle frame: origin on the ground midway between the driven wheels, x forward, y
-//! left, z up.
+//! `docs/reference/worlds.md` has every key. An invalid file is refused with line, key, the value found and what was
+//! expected; unknown keys are refused. Lengths are in metres, positions in the vehicle frame: origin on the ground midway
+//! between the driven wheels, x forward, y left, z up.
 
 mod parse;
 mod reader;
