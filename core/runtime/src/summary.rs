@@ -5,6 +5,7 @@ use crate::tally::Tally;
 use crate::work::Work;
 use rcs_bus::Buffer;
 use rcs_msg::rcs;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Measured durations of one process's cycles.
@@ -13,7 +14,7 @@ use std::sync::Arc;
 /// is measured, after that many at the beginning; after a cycle that took [`CHEAP_NS`], the next [`WATCHED`] cycles are
 /// measured, too. Thus a process that works in one cycle of many is measured in all of them, and an interruption by the
 /// system does not cause measurements of all later cycles.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Serialize, Deserialize)]
 pub(crate) struct CycleTimes {
     pub(crate) begun: u64,
     /// All cycles before this one are measured.

@@ -92,6 +92,11 @@ impl Slot {
         lock(&self.0).times
     }
 
+    /// Replaces the measured times: those of another moment count from now on.
+    pub(crate) fn set_times(&mut self, times: CycleTimes) {
+        self.inner().times = times;
+    }
+
     /// The node itself, for an executor that keeps it.
     pub(crate) fn into_node(self) -> Node {
         match self.0.into_inner().unwrap_or_else(PoisonError::into_inner).place {

@@ -443,6 +443,25 @@ fn the_moment_before_a_write_can_be_gone_to_and_undo_goes_on_without_it() {
 }
 
 #[test]
+fn the_timing_of_a_branched_run_counts_the_cycles_of_that_run_alone() {
+    let task = Task::default();
+    let mut session = Session::new(Stepped::new(walk_plan(), None, RunOptions::default()).unwrap()).unwrap();
+    let cycles = |session: &Session| {
+        let timing: rcs::Timing = common::newest(session.run(), "/runtime/timing");
+        timing.processes[0].cycles
+    };
+    session.forward_until(seconds(3.5), &task).unwrap();
+    let expected = cycles(&session);
+    session.forward_until(seconds(9.0), &task).unwrap();
+    session.go_to_time(seconds(1.5), &task).unwrap();
+    let (buffer, message) = speed(10.0);
+    session.write(ExternalEvent::operator(buffer, message)).unwrap();
+    assert_eq!(session.moment().run, RunId(1));
+    session.forward_until(seconds(3.5), &task).unwrap();
+    assert_eq!(cycles(&session), expected);
+}
+
+#[test]
 fn who_records_sees_every_message_once_however_often_the_past_is_run_again() {
     let mut session = Session::new(stepped(PAIR, RunOptions::default())).unwrap();
     let seen: Arc<Mutex<Vec<u64>>> = Arc::default();

@@ -134,6 +134,13 @@ impl Request {
         self.log.iter().chain(&self.parts)
     }
 
+    /// The first of the files that it names that is not there; `None` if all are. A bundled stack or course is no file.
+    pub fn missing(&self) -> Option<&Path> {
+        let named = self.stack.iter().chain(&self.course).map(String::as_str);
+        let named = named.filter(|name| looks_like_path(name)).map(Path::new);
+        self.files().map(PathBuf::as_path).chain(named).find(|path| !path.exists())
+    }
+
     /// Title of the open source. A stack from a file is called by its file, because copies of a stack, such as one that
     /// parameters were saved to, all have the name that is written in them.
     pub fn shown_title(&self, info: &SourceInfo) -> String {

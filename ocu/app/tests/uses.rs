@@ -143,6 +143,22 @@ fn a_window_closes_at_once_where_nothing_is_lost_and_asks_where_something_would_
 }
 
 #[test]
+fn a_file_that_is_not_there_is_refused_before_the_user_is_asked_to_leave_the_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "a write", |frame| writes(frame) > 0);
+    harness.key_up(Key::W);
+    harness.run_steps(3);
+    for name in ["absent.mcap", "absent.toml"] {
+        drop_file(&mut harness, &dir.path().join(name));
+        harness.run_steps(3);
+        assert!(harness.query_by_label("Stay").is_none(), "{name}");
+        assert!(is_told(&harness, "there is no such file") && is_told(&harness, name), "{name}");
+    }
+}
+
+#[test]
 fn a_file_that_is_dropped_or_chosen_takes_the_place_of_a_run_only_where_the_user_agrees() {
     let dir = tempfile::tempdir().unwrap();
     let recording = common::window::sample(dir.path()).log.unwrap();

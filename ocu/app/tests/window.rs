@@ -51,6 +51,21 @@ fn an_empty_window_invites_to_open_something() {
 }
 
 #[test]
+fn the_size_of_everything_is_changed_by_commands_that_are_found_by_their_names() {
+    let mut harness = harness(Options::default());
+    harness.run();
+    for (name, zoom) in [("Larger", 1.1), ("Usual size", 1.0), ("Smaller", 0.9), ("Usual size", 1.0)] {
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::K);
+        harness.run_steps(3);
+        harness.get_by_label("Find a command").type_text(name);
+        harness.run_steps(3);
+        harness.get_by_label_contains(&format!("{name} (zoom")).click();
+        harness.run_steps(3);
+        assert!((harness.ctx.zoom_factor() - zoom).abs() < 1e-3, "{name}");
+    }
+}
+
+#[test]
 fn a_recording_that_cannot_be_opened_is_said_and_the_old_one_stays() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = opened(dir.path());

@@ -110,7 +110,8 @@ pub fn plate<R>(
     plate_of(ui, canvas, corner, false, add)
 }
 
-/// Like [`plate`], for controls: a click or a drag on it, also on a disabled control, does not reach the canvas.
+/// Like [`plate`], for controls: a click or a drag on it, also on a disabled control, does not reach the canvas. What wraps
+/// in it has the width of the canvas.
 pub fn solid_plate<R>(
     ui: &mut Ui,
     canvas: Rect,
@@ -154,6 +155,10 @@ fn plate_of<R>(
                 ui.spacing_mut().item_spacing.y = 2.0;
                 ui.spacing_mut().interact_size.y = 14.0;
                 ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
+                if is_solid {
+                    // Less the margins and the border of the plate.
+                    ui.set_max_width((inner.width() - 18.0).max(48.0));
+                }
                 add(ui)
             })
     });

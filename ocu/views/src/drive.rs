@@ -47,7 +47,8 @@ impl View for Drive {
                 ui.vertical(|ui| {
                     ui.set_width(3.0 * KEY + 2.0 * GAP + 8.0);
                     if let Some(teleop) = &inputs.teleop {
-                        pad(ui, cx, teleop);
+                        let is_stopped = is_stopped(cx.frame, &inputs);
+                        pad(ui, cx, teleop, is_stopped);
                     }
                 });
                 ui.vertical(|ui| {
@@ -66,8 +67,17 @@ impl View for Drive {
     }
 }
 
-/// Four buttons that drive while they are pressed, highlighted for the current command, and the speed settings.
-fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str) {
+/// Whether the vehicle obeys an emergency stop, or the operator has sent one.
+fn is_stopped(frame: &Frame, inputs: &Inputs) -> bool {
+    let buffer = inputs.emergency_stop.as_deref();
+    let sent = buffer.and_then(|buffer| frame.topic(buffer)?.get::<rcs::EmergencyStop>());
+    sent.is_some_and(|stop| stop.active)
+        || operator::vehicle(frame).is_some_and(|(_, status)| status.emergency_stopped)
+}
+
+/// Four buttons that drive while they are pressed, highlighted for the current command, and the speed settings. None of
+/// them drives while time or the vehicle is stopped.
+fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str, is_stopped: bool) {
     let playing = cx.frame.playback.playing;
     let command = commanded(cx.frame, teleop);
     let [speed, turn] =
@@ -81,7 +91,8 @@ fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str) {
     ];
     for (icon, letter, name, place, push, lit) in keys {
         let min = area.min + Vec2::from(place) * (KEY + GAP);
-        if key(ui, Rect::from_min_size(min, Vec2::splat(KEY)), icon, letter, name, lit, playing) {
+        let place = Rect::from_min_size(min, Vec2::splat(KEY));
+        if key(ui, place, icon, letter, name, lit, playing && !is_stopped) {
             cx.selection.hand = cx.selection.hand.with(push);
         }
     }
@@ -90,7 +101,10 @@ fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str) {
     let note = |ui: &mut Ui, text: &str, color: Color32| {
         ui.add(egui::Label::new(egui::RichText::new(text).small().color(color)).wrap());
     };
-    if cx.selection.let_go_first && playing {
+    if playing && is_stopped {
+        let text = "Emergency stop: let go of the keys, and press Release at the upper right to drive.";
+        note(ui, text, tokens(ui).warning);
+    } else if cx.selection.let_go_first && playing {
         note(ui, "Let go of the controls first: nothing drives until they are neutral.", tokens(ui).warning);
     } else if playing {
         note(ui, "Hold W A S D; with shift, slowly.", weak);

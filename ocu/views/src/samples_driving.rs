@@ -17,7 +17,7 @@ use rcs_runtime::source::{
 };
 use std::sync::Arc;
 
-/// A frame of a running stack: a moving vehicle, its course, shapes on an image, and ground truth.
+/// The newest frame of a running stack: a moving vehicle, its course, shapes on an image, and ground truth.
 pub(crate) fn driving() -> Frame {
     let classes = classes_to_json(&OBSTACLE_CLASSES);
     let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/camera/image"), (CLASSES, &*classes)];
@@ -93,7 +93,7 @@ pub(crate) fn driving() -> Frame {
         processes: [vehicle_interface, driver].into(),
         tracks: tracks.into(),
         events: Arc::new([events()]),
-        runs: Runs::default(),
+        runs: Runs { is_at_end: true, ..Runs::default() },
         playback,
         ..nothing
     }

@@ -29,6 +29,19 @@ struct Saved {
     alarms: bool,
 }
 
+impl Saved {
+    /// Says what none of so many lines is.
+    fn nothing_found(&self, lines: usize) -> String {
+        let rules = [
+            (self.alarms, "is a warning or an error"),
+            (!self.hidden.is_empty(), "is of the chosen kinds"),
+            (!self.search.trim().is_empty(), "has the searched words"),
+        ];
+        let rules: Vec<&str> = rules.into_iter().filter(|(holds, _)| *holds).map(|(_, rule)| rule).collect();
+        format!("None of {lines} lines {}.", rules.join(" and "))
+    }
+}
+
 /// The text log.
 #[derive(Default)]
 pub(crate) struct TextLog {
@@ -68,15 +81,19 @@ impl View for TextLog {
         self.toolbar(ui, events);
         self.choose(events);
         if self.lines.is_empty() {
-            let hint =
-                format!("None of {} lines is of the chosen kinds and has the searched words.", events.len());
+            let hint = self.saved.nothing_found(events.len());
             return widgets::empty(ui, icons::ICON_SEARCH_OFF, "Nothing found", &hint);
         }
         let past = self.past(events, cx.frame.now);
         let is_other = self.last.replace(past) != Some(past);
         ui.spacing_mut().item_spacing.y = 0.0;
+        // The end of the list is further down than in the last pass where lines were appended: an offset that is set there
+        // would spring back.
+        ui.spacing_mut().scroll.kinetic.rubber_band = false;
         let mut area = ScrollArea::vertical().auto_shrink(false);
-        let place = (past as f32 * ROW - ui.available_height() + 2.0 * ROW).max(0.0);
+        let height = ui.available_height();
+        let end = (self.lines.len() as f32 * ROW - height).max(0.0);
+        let place = (past as f32 * ROW - height + 2.0 * ROW).clamp(0.0, end);
         if is_other && !self.is_left {
             area = area.vertical_scroll_offset(place);
             self.offset = place;

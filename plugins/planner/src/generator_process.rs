@@ -60,7 +60,8 @@ pub struct WaypointGenerator {
     mission: Mission,
     /// The search for the goal of the file, since it arrived there.
     search: Option<GoalSearch>,
-    /// Where the vehicle must not drive, global frame, m, as the planners were told.
+    /// Where the vehicle must not drive, global frame, m, as the planners were told, or as they would be if the goal were
+    /// not forbidden.
     zones: Zones,
     /// Why the goal is not driven to.
     forbidden: Option<String>,
@@ -359,7 +360,7 @@ impl WaypointGenerator {
         }
         let zones = match self.allowed(params, goal) {
             Ok(zones) => zones,
-            Err(why) => return self.forbid(ports, why, cx),
+            Err(why) => return self.forbid(ports, params, why, cx),
         };
         if self.is_halted {
             // The next cycle tells them the goal.
@@ -382,7 +383,8 @@ impl WaypointGenerator {
         let order = to(local, &PlannerGoal { route, barred, area, keep_out, ..PlannerGoal::default() });
         // The planners would refuse it, and go on to the goal before.
         if let Err(error) = check_typed(&order) {
-            return self.forbid(ports, format!("the planners cannot be told: {error}: stands"), cx);
+            let why = format!("the planners cannot be told: {error}: stands");
+            return self.forbid(ports, params, why, cx);
         }
         (self.zones, self.forbidden) = (zones, None);
         let order =
@@ -412,10 +414,17 @@ impl WaypointGenerator {
         self.told = None;
     }
 
-    /// The goal is not driven to.
-    fn forbid(&mut self, ports: &Ports, why: String, cx: &mut Cycle<'_>) {
+    /// The goal is not driven to. What is obeyed is stated all the same, once for each mission and reason.
+    fn forbid(&mut self, ports: &Ports, params: &WaypointGeneratorParams, why: String, cx: &mut Cycle<'_>) {
         self.halt_planners(ports, cx);
+        if self.forbidden.as_ref() == Some(&why) {
+            return;
+        }
         self.forbidden = Some(why);
+        if let Ok(zones) = self.zones_to_obey(params) {
+            self.zones = zones;
+        }
+        self.send_driven(ports, params, cx);
     }
 
     /// The vehicle stands, and nothing below drives on.

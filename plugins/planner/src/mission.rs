@@ -71,6 +71,14 @@ impl Mission {
         goals.get(self.reached).or(goals.last()).copied().map(DVec2::from)
     }
 
+    /// The goal that is driven to, in words: with its number where there are several.
+    pub fn goal_name(&self) -> String {
+        match &self.goals {
+            Some(goals) if goals.len() > 1 => format!("goal {}", (self.reached + 1).min(goals.len())),
+            _ => "the goal".to_owned(),
+        }
+    }
+
     /// Counts the goal as reached. Whether that changes anything.
     pub fn arrive(&mut self) -> bool {
         let is_on_the_way = self.goals.as_ref().is_some_and(|goals| self.reached < goals.len());

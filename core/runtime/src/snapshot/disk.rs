@@ -11,6 +11,7 @@ use crate::node::{NodeState, Output, SavedBody};
 use crate::register::{Register, RegisterOnDisk};
 use crate::status::{StatusCell, StatusOnDisk};
 use crate::stepped::{Event, EventKind};
+use crate::summary::CycleTimes;
 use crate::tally::Tally;
 use rand_chacha::ChaCha8Rng;
 use rcs_bus::{BufferState, Header, Override, Sample};
@@ -21,7 +22,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the format of [`Snapshot::to_bytes`].
-const FORMAT: u32 = 6;
+const FORMAT: u32 = 7;
 
 /// Bytes that are serialised as a whole instead of one by one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -62,6 +63,7 @@ struct OnDisk {
     queue: Vec<EventOnDisk>,
     buffers: Vec<BufferOnDisk>,
     nodes: Vec<NodeOnDisk>,
+    times: Vec<CycleTimes>,
     position: Option<Position>,
     tallies: Option<Vec<Tally>>,
     stack_hash: String,
@@ -312,6 +314,7 @@ impl Snapshot {
             queue,
             buffers,
             nodes,
+            times: self.times.clone(),
             position: self.position.clone(),
             tallies: self.tallies.clone(),
             stack_hash: self.stack_hash.clone(),
@@ -361,6 +364,7 @@ impl Snapshot {
             queue,
             buffers,
             nodes: nodes.collect::<Result<_, RunError>>()?,
+            times: disk.times,
             position: disk.position,
             tallies: disk.tallies,
             stack_hash: disk.stack_hash,

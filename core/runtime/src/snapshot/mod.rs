@@ -10,7 +10,9 @@ use crate::error::RunError;
 use crate::node::NodeState;
 use crate::stack::Plan;
 use crate::stepped::{Event, Stepped};
+use crate::summary::CycleTimes;
 use crate::tally::{Tallies, Tally};
+use crate::workers::Slot;
 use rcs_bus::{BufferState, Sample};
 use rcs_log::Position;
 use rcs_msg::Stamp;
@@ -29,6 +31,8 @@ pub struct Snapshot {
     buffers: Vec<BufferState>,
     /// Each with its change count: see [`Stepped::snapshot_sharing`].
     nodes: Vec<(u64, Arc<NodeState>)>,
+    /// The measured times of the nodes since the start of the run. Nothing that a process computes depends on them.
+    times: Vec<CycleTimes>,
     position: Option<Position>,
     tallies: Option<Vec<Tally>>,
     stack_hash: String,
@@ -100,6 +104,7 @@ impl Stepped {
                 .enumerate()
                 .map(|(index, slot)| slot.look(|at, _| node(index, at)))
                 .collect(),
+            times: machine.nodes.iter().map(Slot::times).collect(),
             position: self.feed.as_ref().map(crate::feed::Feed::position),
             tallies: self.tallies.as_ref().and_then(Tallies::get),
             stack_hash: machine.plan.hash.clone(),
@@ -111,7 +116,8 @@ impl Stepped {
         let machine = self.machine_mut();
         let fits = snapshot.stack_hash == machine.plan.hash
             && snapshot.buffers.len() == machine.buffers.len()
-            && snapshot.nodes.len() == machine.nodes.len();
+            && snapshot.nodes.len() == machine.nodes.len()
+            && snapshot.times.len() == machine.nodes.len();
         if !fits {
             return Err(RunError::Snapshot(format!(
                 "it is of the stack with hash {}; expected {}",
@@ -123,6 +129,9 @@ impl Stepped {
         }
         for (slot, (_, state)) in machine.nodes.iter_mut().zip(&snapshot.nodes) {
             slot.get().restore(state).map_err(RunError::Snapshot)?;
+        }
+        for (slot, times) in machine.nodes.iter_mut().zip(&snapshot.times) {
+            slot.set_times(*times);
         }
         self.now = snapshot.now;
         self.events = snapshot.events;

@@ -170,6 +170,12 @@ impl Events {
         Self { run, store: Arc::new(RwLock::new(store)), len }
     }
 
+    /// The first `len` events at most, for tests: the same events before the others were appended.
+    #[must_use]
+    pub fn first(&self, len: usize) -> Self {
+        Self { len: len.min(self.len), ..self.clone() }
+    }
+
     fn store(&self) -> RwLockReadGuard<'_, Store> {
         self.store.read().unwrap_or_else(PoisonError::into_inner)
     }

@@ -14,7 +14,7 @@ use crate::layout_fit::{fitting, with_images_of};
 use crate::open::{FileKind, Request};
 use crate::remembered::Remembered;
 use crate::say;
-use egui::ViewportCommand;
+use egui::{ViewportCommand, gui_zoom};
 use rcs_runtime::source::{Control, Frame, SourceKind};
 use std::path::Path;
 
@@ -182,6 +182,9 @@ impl Window {
             }
             Command::Buffers => self.buffers_open = !self.buffers_open,
             Command::Theme => self.perform(TopBarAction::ToggleTheme, frame, controls),
+            Command::Larger => gui_zoom::zoom_in(&self.ctx),
+            Command::Smaller => gui_zoom::zoom_out(&self.ctx),
+            Command::UsualSize => self.ctx.set_zoom_factor(1.0),
             Command::FittingLayout => self.perform(TopBarAction::FittingLayout, frame, controls),
             Command::ResetLayout => {
                 let name = self.workspace.as_ref().map(|workspace| workspace.name().to_owned());
@@ -301,9 +304,16 @@ impl Window {
         }
     }
 
-    /// Opens a source in place of this one; asks before where something would be lost.
+    /// Opens a source in place of this one; asks before where something would be lost, unless a file of it is not there.
     pub(super) fn open_asking(&mut self, request: Request, controls: &mut Vec<Control>) {
-        match self.lost() {
+        let lost = self.lost();
+        if lost.is_some()
+            && let Some(missing) = request.missing()
+        {
+            let text = format!("there is no such file: {}", missing.display());
+            return self.notices.error(Matter::Open, text);
+        }
+        match lost {
             Some(lost) => self.leaving.ask(Next::Open(request), lost),
             None => self.leave_for(request, controls),
         }

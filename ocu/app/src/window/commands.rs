@@ -51,6 +51,12 @@ pub(super) enum Command {
     UndoLayout,
     RedoLayout,
     Theme,
+    /// Everything in the window larger.
+    Larger,
+    /// Everything in the window smaller.
+    Smaller,
+    /// Everything in the window in its usual size.
+    UsualSize,
     Palette,
     Keys,
 }
@@ -235,6 +241,31 @@ pub(super) const COMMANDS: &[Entry] = {
         entry(C::FittingLayout, "fitting_layout", "The layout that fits the source", Window, N::Source, &[]),
         entry(C::ResetLayout, "reset_layout", "Reset the layout to how it comes", Window, N::Nothing, &[]),
         entry(C::Theme, "theme", "Dark or light colours", Window, N::Nothing, &[]),
+        // Where the plus needs shift, egui does the same.
+        entry(
+            C::Larger,
+            "larger",
+            "Larger (zoom of the window)",
+            Window,
+            N::Nothing,
+            &[key!(COMMAND Plus), key!(COMMAND Equals)],
+        ),
+        entry(
+            C::Smaller,
+            "smaller",
+            "Smaller (zoom of the window)",
+            Window,
+            N::Nothing,
+            &[key!(COMMAND Minus)],
+        ),
+        entry(
+            C::UsualSize,
+            "usual_size",
+            "Usual size (zoom of the window)",
+            Window,
+            N::Nothing,
+            &[key!(COMMAND Num0)],
+        ),
     ]
 };
 
@@ -293,6 +324,9 @@ mod tests {
             UndoLayout,
             RedoLayout,
             Theme,
+            Larger,
+            Smaller,
+            UsualSize,
             Palette,
             Keys,
         ];

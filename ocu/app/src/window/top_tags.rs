@@ -6,6 +6,7 @@ use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use ocu_views::process_state::silent_s;
 use rcs_msg::rcs::ProcessState;
+use rcs_runtime::VIEWER;
 use rcs_runtime::source::{Frame, SourceKind, Topic};
 
 /// Who holds the authority after a command of the operator.
@@ -60,27 +61,38 @@ pub(super) fn past(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &Fra
     response.on_hover_text(help);
 }
 
-/// Who commands the processes: the operator, or the supervisor above them.
+/// Who commands the processes that have a supervisor: the operator, or the supervisor.
 pub(super) fn authority(ui: &mut egui::Ui, form: Form, frame: &Frame) {
+    let Some((text, by_hand)) = commander(frame) else { return };
+    let (short, color) = if by_hand { ("OP", tokens(ui).accent) } else { ("AUTO", tokens(ui).text) };
+    let text = if form == Form::Short { short } else { &text };
+    widgets::tag(ui, text, color).on_hover_text(
+        "Who has the authority to command the processes that have a supervisor. AUTONOMOUS: their supervisors. \
+         OPERATOR: you, after a command of yours to these processes. Driving by hand is no such command.",
+    );
+}
+
+/// Who commands the processes that have a supervisor, in words, and whether the operator commands any of them. `None` where
+/// nobody commands one. The viewer is no supervisor here: what it starts has nobody but the operator above it.
+fn commander(frame: &Frame) -> Option<(String, bool)> {
     let owners: Vec<&str> = frame
         .processes
         .iter()
+        .filter(|process| !["", VIEWER].contains(&process.supervisor.as_str()))
         .filter(|process| silent_s(frame, process).is_none())
         .filter_map(|process| frame.status(process))
         .map(|status| status.owner.as_str())
         .filter(|owner| !owner.is_empty())
         .collect();
     let by_hand = owners.iter().filter(|owner| **owner == OPERATOR).count();
-    let (text, short, color) = match (by_hand, owners.len()) {
-        (_, 0) => return,
-        (0, _) => ("AUTONOMOUS".to_owned(), "AUTO", tokens(ui).text),
-        (count, all) if count == all => ("OPERATOR".to_owned(), "OP", tokens(ui).accent),
-        (count, _) => (format!("OPERATOR: {count} PROCESSES"), "OP", tokens(ui).accent),
+    let text = match (by_hand, owners.len()) {
+        (_, 0) => return None,
+        (0, _) => "AUTONOMOUS".to_owned(),
+        (count, all) if count == all => "OPERATOR".to_owned(),
+        (1, _) => "OPERATOR: 1 PROCESS".to_owned(),
+        (count, _) => format!("OPERATOR: {count} PROCESSES"),
     };
-    let text = if form == Form::Short { short } else { &text };
-    widgets::tag(ui, text, color).on_hover_text(
-        "Who has the authority to command the processes: you, after a command of yours, or their supervisor",
-    );
+    Some((text, by_hand > 0))
 }
 
 /// The alarms that the user has not acknowledged.
@@ -100,7 +112,7 @@ pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &F
         for event in &errors {
             let time = format::elapsed(event.stamp.seconds_since(frame.info.start));
             let line = format!("{time}  {}: {}", event.source, event.text);
-            if ui.add(egui::Button::new(line).truncate().frame(false)).clicked() {
+            if alarm_line(ui, &line) {
                 actions.push(TopBarAction::Seek(event.stamp));
                 ui.close();
             }
@@ -126,6 +138,12 @@ pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &F
     });
 }
 
+/// A line of the list of alarms; resting on it shows all of it. Returns whether it is clicked.
+fn alarm_line(ui: &mut egui::Ui, line: &str) -> bool {
+    let button = ui.add(egui::Button::new(line).truncate().frame(false));
+    widgets::help_beside(button, line).clicked()
+}
+
 /// The source that is being opened.
 pub(super) fn opening(ui: &mut egui::Ui, form: Form, title: &str) {
     let weak = tokens(ui).weak;
@@ -139,7 +157,7 @@ pub(super) fn opening(ui: &mut egui::Ui, form: Form, title: &str) {
     }
 }
 
-/// The state of the processes in one word.
+/// The state of the processes in one word, or two where some have failed and others post no status any more.
 pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
     let tokens = tokens(ui);
     let states: Vec<Option<ProcessState>> = frame
@@ -152,7 +170,9 @@ pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
     let all = states.len();
     let (errors, done) = (count(ProcessState::Error), count(ProcessState::Done));
     let silent_count = silent.iter().flatten().count();
-    let (text, color) = if errors > 0 {
+    let (text, color) = if errors > 0 && silent_count > 0 {
+        (format!("{errors} of {all} ERROR, {silent_count} NO STATUS"), tokens.error)
+    } else if errors > 0 {
         (format!("{errors} of {all} ERROR"), tokens.error)
     } else if silent_count > 0 {
         (format!("{silent_count} of {all} NO STATUS"), tokens.warning)
@@ -178,4 +198,89 @@ pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
         })
         .collect();
     widgets::tag(ui, &text, color).on_hover_text(names.join("\n"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::open::Request;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use rcs_bus::{Header, Sample, WriterId};
+    use rcs_msg::rcs::{self, ProcessInfo, Status};
+    use rcs_msg::{AnyMessage, Stamp, schema_of};
+    use rcs_runtime::source::{RunTag, Task};
+    use std::sync::Arc;
+
+    fn shown<'a>(add: impl FnMut(&mut egui::Ui) + 'a) -> Harness<'a> {
+        let size = egui::Vec2::new(300.0, 200.0);
+        let mut harness =
+            Harness::builder().with_size(size).with_context_setup(ocu_ui::install).build_ui(add);
+        harness.run();
+        harness
+    }
+
+    /// Processes with their states and the ages of their statuses, s.
+    fn frame(statuses: &[(&str, ProcessState, u64)]) -> Frame {
+        let now = Stamp(60_000_000_000);
+        let topic = |&(name, state, age_s): &(&str, ProcessState, u64)| {
+            let log_time = now.before_ns(age_s * 1_000_000_000);
+            let header = Header { sequence: 1, log_time, acq_time: log_time, writer: WriterId::RUNTIME };
+            let status = Status { state: state.into(), ..Status::default() };
+            Topic::new(name, RunTag::FIRST, Arc::clone(schema_of::<Status>()))
+                .with_latest(Sample { header, message: AnyMessage::new(status) })
+        };
+        let process = |&(name, ..): &(&str, ProcessState, u64)| ProcessInfo {
+            name: name.to_owned(),
+            status_buffer: name.to_owned(),
+            ..ProcessInfo::default()
+        };
+        let (topics, processes) =
+            (statuses.iter().map(topic).collect(), statuses.iter().map(process).collect());
+        Frame { topics, processes, ..Frame::empty(Arc::default(), now) }
+    }
+
+    #[test]
+    fn a_process_without_status_is_counted_beside_one_that_has_failed() {
+        let (error, exec) = (("failed", ProcessState::Error, 0), ("works", ProcessState::Exec, 0));
+        let silent = ("silent", ProcessState::Exec, 30);
+        for (statuses, text) in [
+            (vec![error, silent, exec], "1 of 3 ERROR, 1 NO STATUS"),
+            (vec![error, exec], "1 of 2 ERROR"),
+            (vec![silent, exec], "1 of 2 NO STATUS"),
+        ] {
+            let frame = frame(&statuses);
+            let harness = shown(|ui| run_state(ui, Form::Full, &frame));
+            assert!(harness.query_by_label(text).is_some(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_long_alarm_is_shown_in_full_under_the_pointer() {
+        let line = format!("00:00:01.000  planner: no way {}is free", "to the goal ".repeat(20));
+        let mut harness = shown(|ui| {
+            alarm_line(ui, &line);
+        });
+        let button = harness.get_by_label(&line).rect();
+        assert!(button.width() <= 300.0, "{button:?}");
+        harness.hover_at(button.center());
+        harness.run_steps(8);
+        assert_eq!(harness.query_all_by_label(&line).count(), 2, "the line, and its help");
+    }
+
+    #[test]
+    fn a_stack_is_autonomous_until_the_operator_commands_one_of_its_processes() {
+        let request = Request { stack: Some("truth_driver".to_owned()), ..Request::default() };
+        let mut source = crate::stacks::open(&request).unwrap();
+        let start = source.info().start;
+        source.seek(start.after_ns(1_000_000_000), &Task::default()).unwrap();
+        let frame = source.frame();
+        assert_eq!(commander(&frame), Some(("AUTONOMOUS".to_owned(), false)));
+
+        let localization = frame.processes.iter().find(|process| process.name == "localization").unwrap();
+        let take = rcs::Command { serial: 1, name: "TAKE".to_owned(), ..Default::default() };
+        source.write(&localization.command_buffer, AnyMessage::new(take)).unwrap();
+        source.seek(start.after_ns(1_500_000_000), &Task::default()).unwrap();
+        assert_eq!(commander(&source.frame()), Some(("OPERATOR: 1 PROCESS".to_owned(), true)));
+    }
 }

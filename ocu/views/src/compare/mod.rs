@@ -25,6 +25,8 @@ const LINE: f32 = 26.0;
 const WIDE: f32 = 1000.0;
 /// Least height of the view with a map below the table.
 const TALL: f32 = 300.0;
+/// Width of the choice of a side in a narrow view.
+const SHORT_CHOICE: f32 = 68.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -178,9 +180,18 @@ fn side_choice(
     saved: &mut Saved,
 ) {
     let text = shown.map_or_else(|| "–".to_owned(), |sides| side::name(frame, sides[index]));
-    let (swatch, _) = ui.allocate_exact_size(Vec2::new(10.0, 10.0), Sense::hover());
-    ui.painter().rect_filled(swatch, 2.0, color(ui, index));
-    bar::choice(ui, form, Choice::new(&format!("{name} of the two"), &text, [72.0, 150.0]), |ui| {
+    let ink = color(ui, index);
+    let is_short = form == Form::Short;
+    if is_short {
+        // A long name must not take the room of the other side.
+        ui.set_max_width(SHORT_CHOICE);
+        ui.spacing_mut().button_padding.x = 4.0;
+    } else {
+        let (swatch, _) = ui.allocate_exact_size(Vec2::new(10.0, 10.0), Sense::hover());
+        ui.painter().rect_filled(swatch, 2.0, ink);
+    }
+    let name = format!("{name} of the two");
+    let list = bar::choice(ui, form, Choice::new(&name, &text, [SHORT_CHOICE, 150.0]), |ui| {
         for &choice in choices {
             let is_on = shown.is_some_and(|sides| sides[index] == choice);
             if ui.selectable_label(is_on, side::name(frame, choice)).clicked() && !is_on {
@@ -188,6 +199,11 @@ fn side_choice(
             }
         }
     });
+    if is_short {
+        // In place of the swatch.
+        let place = list.response.rect;
+        ui.painter().hline(place.x_range(), place.bottom() - 1.0, egui::Stroke::new(2.0, ink));
+    }
 }
 
 /// The sides after one of them was chosen. If it is the other one already, they change places.

@@ -205,7 +205,7 @@ impl Draft {
         egui::Frame::new().inner_margin(margin).fill(tokens(ui).surface[3]).show(ui, |ui| {
             ui.set_width(ui.available_width());
             let mut dropped = None;
-            let mut entered = false;
+            let (mut entered, mut is_changed) = (false, false);
             for (path, text) in &mut self.fields {
                 ui.horizontal(|ui| {
                     let label = ui.label(widgets::mono(path.as_str()).color(tokens(ui).strong));
@@ -220,6 +220,7 @@ impl Draft {
                     if fresh == Some(path.as_str()) {
                         response.request_focus();
                     }
+                    is_changed |= response.changed();
                     entered |= response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
                     if widgets::icon_button(ui, icons::ICON_CLOSE, &format!("Leave {path} as it is"))
                         .clicked()
@@ -227,6 +228,10 @@ impl Draft {
                         dropped = Some(path.clone());
                     }
                 });
+            }
+            if is_changed || dropped.is_some() {
+                // It was about another text.
+                self.refused = None;
             }
             if let Some(path) = dropped {
                 self.fields.remove(&path);

@@ -366,6 +366,19 @@ impl Draft {
         Mission { frame_id: obeyed.frame_id.clone(), area, keep_out, ..Mission::default() }
     }
 
+    /// Why the vehicle would not drive to one of the goals; `None` if nothing is known against them. `obeyed_area` is what
+    /// the vehicle does not leave where the draft has no area.
+    pub(super) fn goal_warning(&self, obeyed_area: Option<&[[f64; 2]]>) -> Option<String> {
+        let area = self.area.as_deref().or(obeyed_area);
+        self.drawn.goals.iter().zip(1..).find_map(|(goal, number)| {
+            if self.drawn.keep_out.iter().any(|zone| is_in_or_near(zone, goal.at, 0.0)) {
+                return Some(format!("goal {number} lies in a keep-out zone"));
+            }
+            let is_outside = area.is_some_and(|area| !is_in_or_near(area, goal.at, 0.0));
+            is_outside.then(|| format!("goal {number} lies outside of the area"))
+        })
+    }
+
     /// How much the draft has of each kind.
     pub(super) fn summary(&self) -> String {
         let count = |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });

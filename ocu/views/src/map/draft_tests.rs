@@ -68,6 +68,20 @@ fn clicks_add_goals_and_corners_and_the_first_corner_closes_the_zone() {
 }
 
 #[test]
+fn a_goal_in_a_zone_or_outside_of_the_area_is_told_with_its_number() {
+    let mut draft = with_a_zone();
+    assert_eq!(draft.goal_warning(None), None);
+    draft.adds = Adds::Goal;
+    draft.click([2.0, 2.0], M_PER_POINT);
+    assert_eq!(draft.goal_warning(None).as_deref(), Some("goal 2 lies in a keep-out zone"));
+    let area = [[-1.0, -1.0], [6.0, -1.0], [6.0, 6.0], [-1.0, 6.0]];
+    let told = Some("goal 1 lies outside of the area");
+    assert_eq!(draft.goal_warning(Some(&area)).as_deref(), told);
+    draft.area = Some(area.to_vec());
+    assert_eq!(draft.goal_warning(None).as_deref(), told);
+}
+
+#[test]
 fn a_click_on_a_goal_adds_nothing_and_the_first_corner_closes_a_zone_also_beside_a_goal() {
     let mut draft = draft_of(&mission(&[A], 0));
     draft.click([1.4, 0.0], M_PER_POINT);

@@ -99,6 +99,12 @@ fn obeyed<'a>(frame: &'a Frame, map: &str) -> Result<Option<(&'a Mission, Pose)>
     Ok(None)
 }
 
+/// The area that the vehicle does not leave, on the map; `None` if it states none that can be placed.
+fn obeyed_area(frame: &Frame, map: &str) -> Option<Vec<[f64; 2]>> {
+    let (mission, map_from_own) = obeyed(frame, map).ok().flatten()?;
+    mission.area.as_ref().map(|area| area.points.iter().map(place(map_from_own)).collect())
+}
+
 /// The frame in which a mission is sent, and the pose of the map's frame in it: the frame in which the vehicle states its
 /// own mission, or that of the map if it states none. The error says why nothing can be sent.
 fn sending_frame(frame: &Frame, map: &str) -> Result<(String, Pose), String> {
@@ -263,12 +269,13 @@ impl Map {
         let Some(draft) = &mut self.draft else { return };
         let tokens = tokens(ui);
         let target = sending_frame(cx.frame, map);
+        let area = obeyed_area(cx.frame, map);
         let mut discard = false;
         // Below the scale bar.
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
         legend::solid_plate(ui, below, Align2::CENTER_TOP, |ui| {
             ui.spacing_mut().item_spacing.y = 4.0;
-            ui.horizontal(|ui| {
+            ui.horizontal_wrapped(|ui| {
                 ui.selectable_value(&mut draft.adds, Adds::Goal, "Goals").on_hover_text(GOALS_HELP);
                 ui.selectable_value(&mut draft.adds, Adds::Zone, "Keep-out zones").on_hover_text(ZONES_HELP);
                 ui.separator();
@@ -303,7 +310,13 @@ impl Map {
                 (true, 0) => ("not sent", tokens.warning),
                 (false, 0) => ("as sent", tokens.weak),
             };
-            ui.label(RichText::new(format!("{}: {text}", draft.summary())).small().color(color));
+            let mut line = |text: String, color: Color32| {
+                ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
+            };
+            line(format!("{}: {text}", draft.summary()), color);
+            if let Some(warning) = draft.goal_warning(area.as_deref()) {
+                line(warning, tokens.warning);
+            }
         });
         if discard {
             self.draft = None;

@@ -146,12 +146,14 @@ pub(super) fn arcs(
         paint(index, Stroke::new(4.0, tokens.canvas()));
         paint(index, Stroke::new(2.5, tokens.accent));
     }
+    // Without a target the message has the origin, and no arc is chosen to drive there.
     let target = [choice.target_x_m, choice.target_y_m];
-    if !choice.arcs.is_empty() && target.iter().all(|v| v.is_finite()) {
+    if chosen.is_some() && target.iter().all(|v| v.is_finite()) {
         let (center, arm) = (at.screen(target), 5.0);
+        let ink = if is_old { tokens.stale } else { tokens.strong };
         for way in [Vec2::new(arm, arm), Vec2::new(arm, -arm)] {
             painter.line_segment([center - way, center + way], Stroke::new(3.5, tokens.canvas()));
-            painter.line_segment([center - way, center + way], Stroke::new(1.5, tokens.strong));
+            painter.line_segment([center - way, center + way], Stroke::new(1.5, ink));
         }
     }
 }
@@ -218,6 +220,17 @@ mod tests {
         assert_eq!(painted(&choice, Some(7), false), plain);
         assert_ne!(painted(&choice, Some(1), false), plain);
         assert_ne!(painted(&choice, None, true), plain);
+    }
+
+    #[test]
+    fn a_choice_without_a_chosen_arc_has_no_target_and_an_old_target_looks_old() {
+        let blocked = ArcChoice { arcs: vec![ScoredArc::default()], ..ArcChoice::default() };
+        // Its arc has no length, so only a target could be painted.
+        let nothing = painted(&ArcChoice::default(), None, false);
+        assert_eq!(painted(&blocked, None, false), nothing);
+        let chosen = ArcChoice { chosen: Some(0), ..blocked };
+        assert_ne!(painted(&chosen, None, false), nothing);
+        assert_ne!(painted(&chosen, None, true), painted(&chosen, None, false));
     }
 
     #[test]

@@ -86,7 +86,7 @@ impl Map {
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
         legend::solid_plate(ui, below, Align2::CENTER_TOP, |ui| {
             ui.spacing_mut().item_spacing.y = 4.0;
-            ui.horizontal(|ui| {
+            ui.horizontal_wrapped(|ui| {
                 ui.selectable_value(&mut example.is_ground, false, "Obstacle")
                     .on_hover_text("The vehicle must not drive over what looks like this");
                 ui.selectable_value(&mut example.is_ground, true, "Ground")
@@ -113,7 +113,7 @@ impl Map {
                 (_, _, 1) => ("1 example sent".to_owned(), tokens.weak),
                 (_, _, sent) => (format!("{sent} examples sent"), tokens.weak),
             };
-            ui.label(RichText::new(text).small().color(color));
+            ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
         });
         if let (true, Ok(target_from_map)) = (send, &target_from_map) {
             let message = AnyMessage::new(example.message(cx.frame, target, target_from_map));

@@ -402,14 +402,15 @@ fn legend(
             job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(8.0));
             ui.painter().layout_job(job)
         };
+        let whole = curve.shown.problem.as_ref().map_or_else(|| value.clone(), ToString::to_string);
         let value = layout(value, FontId::monospace(11.0), color, 0.6 * room);
         let label = layout(name.clone(), font, tokens.text, room - value.size().x - 12.0);
         let width = 20.0 + label.size().x + 12.0 + value.size().x;
         let rect = Rect::from_min_size(Pos2::new(place.plot.left() + 6.0, top), Vec2::new(width, LEGEND_ROW));
         let mut response =
             ui.interact(rect, ui.scope_id().with(("legend", place.index, index)), Sense::click());
-        if let Some(problem) = lacks {
-            response = response.on_hover_text(problem.to_string());
+        if label.elided || value.elided || curve.shown.problem.is_some() {
+            response = response.on_hover_text(format!("{name}: {whole}"));
         }
         let said = format!("Curve {name}");
         response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &said));

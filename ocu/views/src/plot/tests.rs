@@ -365,3 +365,15 @@ fn tab_completes_a_formula_and_what_is_typed_next_follows() {
     harness.run();
     assert_eq!(harness.state().view.fields().len(), 1);
 }
+
+#[test]
+fn a_problem_for_which_the_legend_has_no_room_is_shown_in_full_under_the_pointer() {
+    let mut harness = harness(plot(&[&["/nothing/here.speed_mps"]]), egui::Vec2::new(260.0, 220.0));
+    harness.run();
+    let whole = ": there is no buffer /nothing/here";
+    assert_eq!(harness.query_all_by_label_contains(whole).count(), 0);
+    let place = harness.get_by_label("Curve /nothing/here.speed_mps").rect();
+    harness.hover_at(place.center());
+    harness.run_steps(8);
+    assert_ne!(harness.query_all_by_label_contains(whole).count(), 0);
+}

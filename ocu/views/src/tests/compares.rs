@@ -2,6 +2,7 @@
 
 use super::{Shown, harness};
 use crate::samples::{self, SIDES};
+use egui::accesskit::Role;
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
@@ -29,6 +30,18 @@ fn a_branch_is_compared_with_the_run_that_it_left_and_both_are_asked_for() {
     assert_eq!(harness.state().view.compares(), Some(SIDES));
     assert_eq!(harness.state().view.runs(), [RunId(0), RunId(1)]);
     assert!(harness.query_by_label("105 of 1600 cells differ").is_some());
+}
+
+#[test]
+fn both_sides_can_be_chosen_in_a_view_of_200_points() {
+    let shown = Shown::new("compare", samples::compared());
+    let mut harness = harness(shown, Vec2::new(216.0, 420.0), Theme::Dark);
+    harness.run();
+    let choice = |name: &str| harness.get_by_role_and_label(Role::ComboBox, name).rect();
+    let (first, second) = (choice("First of the two"), choice("Second of the two"));
+    let more = harness.get_by_label("More of this bar").rect();
+    assert!(first.right() < second.left() && second.right() < more.left(), "{first:?} {second:?} {more:?}");
+    assert!(second.width() > 60.0, "{second:?}");
 }
 
 #[test]

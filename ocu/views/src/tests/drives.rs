@@ -1,11 +1,12 @@
 //! What the drive view says of the vehicle and its course.
 
 use super::{Shown, harness};
+use crate::operator::Hand;
 use crate::samples;
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
-use rcs_msg::rcs::VehicleStatus;
+use rcs_msg::rcs::{EmergencyStop, VehicleStatus};
 use rcs_runtime::source::Frame;
 
 fn drive(frame: Frame) -> Harness<'static, Shown> {
@@ -35,5 +36,31 @@ fn a_speed_and_a_turn_rate_that_no_sensor_tells_are_dashes() {
     let harness = drive(frame);
     for text in ["– m/s", "– °/s"] {
         assert!(harness.query_by_label_contains(text).is_some(), "{text}");
+    }
+}
+
+#[test]
+fn during_an_emergency_stop_only_its_release_is_offered_and_no_button_drives() {
+    let obeyed = VehicleStatus { emergency_stopped: true, ..VehicleStatus::default() };
+    let asked = EmergencyStop { active: true, ..EmergencyStop::default() };
+    for stop in [
+        samples::topic("/vehicle_interface/vehicle", 50.0, 0.02, obeyed),
+        samples::topic("/operator/emergency_stop", 0.0, 0.02, asked),
+    ] {
+        let mut frame = samples::driving();
+        let others = frame.topics.iter().filter(|topic| topic.name != stop.name).cloned();
+        frame.topics = others.chain([stop.clone()]).collect();
+        let mut shown = Shown::new("drive", frame);
+        shown.selection.let_go_first = true;
+        let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
+        harness.run();
+        assert!(harness.query_by_label_contains("press Release").is_some());
+        for text in ["Let go of the controls", "Hold W A S D"] {
+            assert!(harness.query_by_label_contains(text).is_none(), "{text}");
+        }
+        let at = harness.get_by_label("Turn left").rect().center();
+        harness.drag_at(at);
+        harness.run();
+        assert_eq!(harness.state().selection.hand, Hand::default());
     }
 }

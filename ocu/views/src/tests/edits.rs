@@ -57,6 +57,26 @@ fn changes_that_were_not_written_are_shown_with_their_buffer_only_and_come_back_
 }
 
 #[test]
+fn a_value_that_was_refused_is_told_until_its_text_changes() {
+    let mut harness = fields(samples::full(), TopicKey::shown("/planner/status"));
+    choose(&mut harness, "cycle 321", "Edit…");
+    let type_text = |harness: &mut Harness<'_, Shown>, text: &str| {
+        harness.get_by_label("New value of .cycle").focus();
+        harness.run();
+        harness.event(egui::Event::Text(text.to_owned()));
+        harness.run();
+    };
+    let tells =
+        |harness: &Harness<'_, Shown>, text: &str| harness.query_all_by_label_contains(text).next().is_some();
+    type_text(&mut harness, "abc");
+    harness.key_press(egui::Key::Enter);
+    harness.run();
+    assert!(tells(&harness, "expected a whole number") && !tells(&harness, "in the past"));
+    type_text(&mut harness, "d");
+    assert!(!tells(&harness, "expected a whole number") && tells(&harness, "in the past"));
+}
+
+#[test]
 fn changes_and_undo_are_there_again_after_another_layout_in_each_view_of_their_buffer() {
     let mut harness = fields(samples::full(), TopicKey::shown("/planner/status"));
     harness.state_mut().selection.process = Some("planner".into());

@@ -65,3 +65,42 @@ fn the_log_follows_the_viewed_time_until_it_is_scrolled_and_again_at_its_end() {
     goes_on(&mut harness, 57);
     assert!(sees(&harness, 57) && !sees(&harness, 99), "it was scrolled to its end");
 }
+
+#[test]
+fn the_log_follows_the_newest_line_where_several_come_in_one_pass() {
+    let whole = frame(100);
+    let up_to = |lines: u32| Frame {
+        now: at(&whole, lines.into()),
+        events: Arc::new([whole.events[0].first(lines as usize)]),
+        ..whole.clone()
+    };
+    let mut harness = harness(Shown::new("log", up_to(60)), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    for lines in [66, 72, 78, 84, 90] {
+        harness.state_mut().frame = up_to(lines);
+        harness.step();
+    }
+    harness.run();
+    for second in [89, 85] {
+        let label = format!("node: line {second}.");
+        assert!(harness.query_all_by_label_contains(&label).next().is_some(), "{label}");
+    }
+}
+
+#[test]
+fn a_log_without_lines_to_show_names_only_what_was_chosen_or_searched() {
+    for (saved, text) in [
+        (serde_json::json!({ "alarms": true }), "None of 9 lines is a warning or an error."),
+        (serde_json::json!({ "search": "absent" }), "None of 9 lines has the searched words."),
+        (
+            serde_json::json!({ "hidden": [EventKind::Log.name()], "search": "absent" }),
+            "None of 9 lines is of the chosen kinds and has the searched words.",
+        ),
+    ] {
+        let mut shown = Shown::new("log", frame(9));
+        shown.view.load(&saved).unwrap();
+        let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
+        harness.run();
+        assert!(harness.query_by_label(text).is_some(), "{text}");
+    }
+}

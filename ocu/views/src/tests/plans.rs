@@ -155,6 +155,23 @@ fn a_mission_is_drawn_and_sent_and_a_click_sends_the_vehicle_to_one_goal() {
 }
 
 #[test]
+fn the_panel_of_a_mission_lies_within_a_narrow_map() {
+    let mut map = harness(Shown::new("map", samples::driving()), Vec2::new(576.0, 560.0), Theme::Dark);
+    map.run();
+    map.get_by_label_contains("Draw a mission").click();
+    map.run();
+    map.get_by_label("Keep-out zones").click();
+    map.run();
+    let canvas = map.get_by_label("Map").rect();
+    assert!(canvas.width() < 400.0, "the list of layers is beside it");
+    click(&mut map, canvas.center(), egui::PointerButton::Primary);
+    for text in ["Goals", "Keep-out zones", "Send", "Close", "click on the first corner"] {
+        let place = map.get_by_label_contains(text).rect();
+        assert!(canvas.contains_rect(place), "{text}: {place:?} in {canvas:?}");
+    }
+}
+
+#[test]
 fn a_goal_of_a_mission_is_dragged_while_the_map_stays_and_deleted_in_its_menu() {
     use egui::{CursorIcon, PointerButton};
     let mut map = shown("map");

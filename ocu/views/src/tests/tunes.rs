@@ -101,6 +101,32 @@ fn a_number_is_typed_with_all_its_decimals() {
 }
 
 #[test]
+fn a_slider_that_is_dragged_in_the_past_follows_the_pointer_and_stays_where_it_is() {
+    let dragged = |is_at_end: bool| {
+        let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+        harness.state_mut().frame.runs.is_at_end = is_at_end;
+        harness.run();
+        let place = |harness: &Harness<'_, Shown>| {
+            harness.get_by_role_and_label(Role::Slider, "max_speed_mps").rect()
+        };
+        let before = place(&harness);
+        let at = |part: f32| egui::Pos2::new(before.left() + part * before.width(), before.center().y);
+        harness.hover_at(at(0.2));
+        harness.run();
+        harness.drag_at(at(0.2));
+        harness.run();
+        for part in [0.3, 0.4] {
+            harness.hover_at(at(part));
+            harness.run();
+        }
+        assert_eq!(place(&harness), before, "{is_at_end}");
+        let preview = harness.state().selection.preview.get().cloned().unwrap();
+        preview.params.to::<SpeedLimit>().unwrap().max_speed_mps
+    };
+    assert_eq!(dragged(false), dragged(true));
+}
+
+#[test]
 fn undo_takes_back_what_was_sent_and_keeps_what_was_not() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
     send_two(&mut harness);

@@ -9,7 +9,7 @@ use crate::command::refusal;
 use crate::view::{Preview, SavedState, View, ViewContext, Wish, run_beside};
 use controls::Row;
 use draft::Draft;
-use egui::{RichText, Role, ScrollArea, Ui, WidgetInfo};
+use egui::{RichText, Role, ScrollArea, Ui, UiBuilder, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Choice, Fit};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::params::ParamSpec;
@@ -84,17 +84,22 @@ impl View for Tuning {
         let search = self.saved.search.trim().to_lowercase();
         let mut edits = Vec::new();
         let mut let_go = false;
-        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            ui.add_space(4.0);
-            let mut rows =
-                controls::Rows { search: &search, now: &now, edits: &mut edits, let_go: &mut let_go };
-            for spec in &specs {
-                let row = Row { spec, path: spec.name.clone(), value: value.field(&spec.name) };
-                rows.ui(ui, &row, 0);
-            }
-            if rows_are_hidden(&specs, &search) {
-                ui.label(RichText::new("No parameter has this in its name or help.").color(tokens(ui).weak));
-            }
+        // An id of its own: a note that comes or goes above would cut off a slider that is being dragged.
+        let list = UiBuilder::new().scope_id(ui.scope_id().with("parameters"));
+        ui.scope_builder(list, |ui| {
+            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                ui.add_space(4.0);
+                let mut rows =
+                    controls::Rows { search: &search, now: &now, edits: &mut edits, let_go: &mut let_go };
+                for spec in &specs {
+                    let row = Row { spec, path: spec.name.clone(), value: value.field(&spec.name) };
+                    rows.ui(ui, &row, 0);
+                }
+                if rows_are_hidden(&specs, &search) {
+                    let text = "No parameter has this in its name or help.";
+                    ui.label(RichText::new(text).color(tokens(ui).weak));
+                }
+            });
         });
         for (path, text) in edits {
             draft.set(&in_force, &path, text);
@@ -295,7 +300,8 @@ fn notes(ui: &mut Ui, frame: &Frame, info: &rcs::ProcessInfo, draft: &Draft) {
     };
     if let Some(refused) = refusal(frame) {
         note(refused.to_owned(), tokens.weak);
-    } else if !frame.runs.is_at_end && draft.is_changed() {
+    } else if !frame.runs.is_at_end {
+        // Also before anything is changed: the rows must not move while a slider is dragged.
         let text = "Sending here begins another run: what was driven after this moment is kept, and drawn beside it.";
         note(text.to_owned(), tokens.warning);
     }

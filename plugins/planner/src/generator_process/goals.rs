@@ -69,6 +69,8 @@ impl WaypointGenerator {
         }
         self.is_to_tell = true;
         self.search = None;
+        // It is judged anew in this cycle.
+        self.forbidden = None;
         self.mission.take(mission);
     }
 
@@ -120,7 +122,7 @@ impl WaypointGenerator {
     }
 
     /// The zones of the files and of the operator, global frame, m.
-    fn zones_to_obey(&mut self, params: &WaypointGeneratorParams) -> Result<Zones, String> {
+    pub(super) fn zones_to_obey(&mut self, params: &WaypointGeneratorParams) -> Result<Zones, String> {
         let mut zones = self.given.zones(params)?;
         zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
         zones.area = self.mission.zones.area.clone().or(zones.area);
@@ -132,9 +134,10 @@ impl WaypointGenerator {
         let zones = self.zones_to_obey(params)?;
         if zones.forbid(goal) {
             let by_m = zones.trespass_m(goal);
-            return Err(format!(
-                "the goal lies {by_m:.1} m outside of the area, or inside of a zone: stands"
-            ));
+            let is_outside = zones.area.as_ref().is_some_and(|area| !area.contains(goal));
+            let place = if is_outside { "outside of the area" } else { "inside of a keep-out zone" };
+            let name = self.mission.goal_name();
+            return Err(format!("{name} lies {by_m:.1} m {place}: stands"));
         }
         Ok(zones)
     }

@@ -63,6 +63,28 @@ fn the_goals_of_a_mission_and_those_that_are_reached_outlive_init() {
     assert_eq!((obeyed.reached, obeyed.goals.len(), obeyed.keep_out.len()), (1, 2, 1));
 }
 
+#[test]
+fn a_mission_with_a_forbidden_goal_is_stated_and_the_status_names_the_goal_and_what_forbids_it() {
+    let mut bench = start(&FILES[..2]);
+    let frame_id = || "local".to_owned();
+    let zone = polygon(&[(3.0, -1.0), (5.0, -1.0), (5.0, 1.0), (3.0, 1.0)]);
+    let goals = vec![point(4.0, 0.0), point(8.0, 4.0)];
+    let mission = Mission { frame_id: frame_id(), goals, keep_out: vec![zone], ..Mission::default() };
+    bench.write("/operator/mission", mission);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let stated: Mission = bench.latest("/generator/driven");
+    assert_eq!((stated.goals.len(), stated.keep_out.len()), (2, 1));
+    assert_eq!(status(&bench, "generator").1, "goal 1 lies 1.0 m inside of a keep-out zone: stands");
+
+    let area = Some(polygon(&[(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)]));
+    let goals = vec![point(5.0, 0.0)];
+    bench.write("/operator/mission", Mission { frame_id: frame_id(), goals, area, ..Mission::default() });
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let stated: Mission = bench.latest("/generator/driven");
+    assert_eq!((stated.goals.len(), stated.keep_out.len(), stated.area.is_some()), (1, 0, true));
+    assert_eq!(status(&bench, "generator").1, "the goal lies 3.0 m outside of the area: stands");
+}
+
 /// A mission with a zone alone, behind the vehicle.
 fn zone_behind() -> Mission {
     let keep_out = vec![polygon(&[(-9.0, -1.0), (-7.0, -1.0), (-7.0, 1.0), (-9.0, 1.0)])];
