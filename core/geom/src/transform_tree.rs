@@ -107,9 +107,13 @@ pub struct TransformTree {
     links: BTreeMap<String, Link>,
     /// How long samples are kept, counted back from the newest of the same transform; `None` keeps all.
     history_ns: Option<u64>,
-    /// By child frame: the last sample, where it was older than the newest by more than the history.
-    old: BTreeMap<String, (u64, Pose)>,
+    /// By child frame: the last samples, if they were older than the newest by more than the history, each later than the
+    /// one before.
+    late: BTreeMap<String, Vec<(u64, Pose)>>,
 }
+
+/// As many late samples in a row, each later than the one before, are of a clock that has begun again.
+const LATE_IN_A_ROW: usize = 3;
 
 impl TransformTree {
     /// Keeps all samples.
@@ -151,8 +155,8 @@ impl TransformTree {
     /// same transform that are later than `now_ns` are forgotten: a clock was wrong. By them, what arrives until that time
     /// would be too old to keep, and none of it too old to use.
     ///
-    /// One sample that is older than the newest by more than the history that is kept is late. Two in a row, the second later
-    /// than the first, replace all others: the clock has begun again.
+    /// A sample that is older than the newest by more than the history that is kept is late. Three in a row, each later than
+    /// the one before, replace all others: the clock has begun again.
     pub fn insert_as_of(
         &mut self,
         parent: &str,
@@ -169,12 +173,17 @@ impl TransformTree {
                 samples.pop_back();
             }
             let newest_ns = samples.back().map_or(0, |&(t, _)| t);
-            let is_old = history_ns.is_some_and(|history_ns| time_ns.saturating_add(history_ns) < newest_ns);
-            let before = self.old.remove(child);
-            if is_old {
-                self.old.insert(child.to_owned(), (time_ns, parent_from_child));
-                if let Some(before) = before.filter(|&(t, _)| t < time_ns) {
-                    *samples = VecDeque::from([before]);
+            let is_late = history_ns.is_some_and(|history_ns| time_ns.saturating_add(history_ns) < newest_ns);
+            let mut late = self.late.remove(child).unwrap_or_default();
+            if is_late {
+                if late.last().is_some_and(|&(t, _)| t >= time_ns) {
+                    late.clear();
+                }
+                late.push((time_ns, parent_from_child));
+                if late.len() < LATE_IN_A_ROW {
+                    self.late.insert(child.to_owned(), late);
+                } else {
+                    *samples = VecDeque::from(late);
                 }
             }
             let at = samples.partition_point(|&(t, _)| t < time_ns);

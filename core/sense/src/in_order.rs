@@ -4,7 +4,7 @@ use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
 /// A clock whose times go back by more than this has begun again, s; by less, a message is late.
-const BEGINS_AGAIN_S: f64 = 10.0;
+pub const CLOCK_BEGINS_AGAIN_S: f64 = 10.0;
 
 /// Refuses messages that come twice or late: they would be counted twice, or replace newer ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ impl InOrder {
     pub fn take(&mut self, time: Stamp, now: Stamp) -> Result<(), f64> {
         if let Some(last) = self.last.filter(|&last| last == time || (time..=now).contains(&last)) {
             let late_s = last.seconds_since(time);
-            if late_s > BEGINS_AGAIN_S {
+            if late_s > CLOCK_BEGINS_AGAIN_S {
                 self.last = Some(time);
             }
             return Err(late_s);

@@ -57,7 +57,7 @@ pub use extrinsics::{
 pub use image_check::{
     ImageCheck, ImageFault, check_exposure, check_size, fingerprint, fingerprint_of_texts, luma, size_of,
 };
-pub use in_order::{InOrder, Repeats};
+pub use in_order::{CLOCK_BEGINS_AGAIN_S, InOrder, Repeats};
 pub use label::ObstacleLabel;
 pub use learned::{last_learned, learned_name, model_to_delete};
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};

@@ -277,7 +277,7 @@ impl ColorModelLearner {
             learning_left_s: left_ns as f64 * 1e-9,
         };
         cx.write(&ports.stats, time, stats);
-        let due = self.models_sent.is_none_or(|sent| time.seconds_since(sent) >= MODELS_PERIOD_S);
+        let due = self.models_sent.is_none_or(|sent| time.seconds_since(sent).abs() >= MODELS_PERIOD_S);
         if due || learning == ColorLearning::ColorAdded {
             self.send_models(time, ports, cx);
         }

@@ -366,6 +366,23 @@ fn an_image_from_the_future_does_not_stop_the_sending_of_models() {
 }
 
 #[test]
+fn models_are_sent_on_after_the_clock_of_the_camera_has_begun_again() {
+    let given = with_calibration((0..8).map(|i| {
+        let time_ms = if i == 0 { 30_000 } else { 1_000 + 200 * i };
+        let timestamp = Some(Stamp(time_ms * 1_000_000).to_proto());
+        give(30_000 + 200 * i, "/image", RawImage { timestamp, ..scene(MULCH, 1 + i) })
+    }));
+    let params = [("color.pose.source", "POSE_FIXED"), ("color.learning_period_s", "60")];
+    let mut run = begin(&given, 1, &params);
+    until(&mut run, 30_180);
+    let before = bench::sent(&run, "/color/models");
+    assert_eq!(before, 1);
+    until(&mut run, 31_600);
+    assert_eq!(faults(&run).0, 1, "of the new clock, the first image is refused");
+    assert!(bench::sent(&run, "/color/models") > before);
+}
+
+#[test]
 fn after_init_the_calibration_that_was_sent_once_is_still_known() {
     let given = with_calibration(drive(10, 8, MULCH, 1.0, 0.0));
     let mut session = Session::new(begin(&given, 1, &[])).unwrap();

@@ -5,8 +5,8 @@
 //! camera; the columns of the sensor itself would mix a trunk with the ground beside it.
 //!
 //! A column of the cloud of a depth camera holds several columns of its image. The scan examines a limited number of
-//! points above each one, so of such a dense column it gets the nearest point of each small step of elevation; the
-//! others get the label of that point, and vote, too.
+//! points above each one, so of such a dense column it gets the nearest point of each small step of elevation that is not
+//! of the vehicle itself; the others get the label of that point, and vote, too, unless they lie behind its surface.
 
 use crate::columns::{Strip, Survey};
 use crate::scan::{LOOK_AHEAD, Label, ScanPoint};
@@ -43,8 +43,9 @@ type Keyed = (u32, f32, u32);
 
 impl CloudColumns {
     /// Sorts points into columns of width `azimuth_step_rad`, which must be positive. Points are x, y, z relative to
-    /// the sensor in axes of the local frame, m; `None` without range.
-    pub fn new(points: &[Option<[f32; 3]>], azimuth_step_rad: f32) -> CloudColumns {
+    /// the sensor in axes of the local frame, m; `None` without range. Those nearer than `min_range_m` are of the vehicle
+    /// itself.
+    pub fn new(points: &[Option<[f32; 3]>], azimuth_step_rad: f32, min_range_m: f32) -> CloudColumns {
         let columns = (TAU / azimuth_step_rad).ceil().clamp(1.0, 1e5) as usize;
         let mut keyed: Vec<Keyed> = Vec::with_capacity(points.len());
         for (number, point) in points.iter().enumerate() {
@@ -58,13 +59,15 @@ impl CloudColumns {
         keyed.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
         let mut result = CloudColumns::default();
         for column in keyed.chunk_by(|a, b| a.0 == b.0) {
-            result.add(column, points);
+            result.add(column, points, min_range_m);
         }
         result
     }
 
     /// Adds a column, sorted by elevation, of the points of a cloud.
-    fn add(&mut self, column: &[Keyed], points: &[Option<[f32; 3]>]) {
+    fn add(&mut self, column: &[Keyed], points: &[Option<[f32; 3]>], min_range_m: f32) {
+        // A point of the vehicle itself counts as farther than all others.
+        let distance = |point: &ScanPoint| (point.range < min_range_m, point.range);
         let start = self.points.len();
         let is_dense = column.len() > LOOK_AHEAD;
         let mut lowest = f32::NEG_INFINITY;
@@ -75,7 +78,7 @@ impl CloudColumns {
             let mut point = (number, ScanPoint::at(x, y, z));
             if is_dense && elevation - lowest < ELEVATION_STEP {
                 let last = self.points.len() - 1;
-                if point.1.range < self.points[last].range {
+                if distance(&point.1) < distance(&self.points[last]) {
                     std::mem::swap(&mut point.0, &mut self.order[last]);
                     std::mem::swap(&mut point.1, &mut self.points[last]);
                 }
@@ -108,10 +111,15 @@ impl CloudColumns {
             result.add_column(&self.points[scanned.clone()], &[], survey);
             let others = &self.points[scanned.end..scanned.end + nearest.len()];
             let label = |(point, &nearest): (&ScanPoint, &usize)| {
-                let behind_m = point.rho - self.points[nearest].rho;
-                match result.labels[first + nearest - scanned.start] {
-                    // It is seen past the edge of the obstacle.
-                    Label::Obstacle if behind_m > survey.scan.gap_m => Label::TooFar,
+                let of_nearest = result.labels[first + nearest - scanned.start];
+                match of_nearest {
+                    _ if point.range < survey.scan.min_range_m => Label::Invalid,
+                    _ if point.range > survey.scan.max_range_m => Label::TooFar,
+                    Label::Ground | Label::ShortObstacle | Label::Obstacle
+                        if is_behind(point, &self.points[nearest], survey) =>
+                    {
+                        Label::TooFar
+                    }
                     label => label,
                 }
             };
@@ -129,6 +137,15 @@ impl CloudColumns {
         }
         labels
     }
+}
+
+/// Whether a point is seen past the edge of the surface of the nearest point of its step of elevation: it lies behind that
+/// by more than a gap, and by more than one step spans on flat ground.
+fn is_behind(point: &ScanPoint, nearest: &ScanPoint, survey: &Survey<'_>) -> bool {
+    let behind_m = point.rho - nearest.rho;
+    // Elevations on ground `h` below the sensor are -h / rho, so a step spans step · rho · rho / h.
+    let height_m = -survey.ground_plane.below_origin.z as f32;
+    behind_m > survey.scan.gap_m && behind_m * height_m > ELEVATION_STEP * point.rho * nearest.rho
 }
 
 #[cfg(test)]
@@ -154,7 +171,7 @@ mod tests {
     }
 
     fn labels_of(points: &[Option<[f32; 3]>]) -> Vec<Label> {
-        let columns = CloudColumns::new(points, 0.5_f32.to_radians());
+        let columns = CloudColumns::new(points, 0.5_f32.to_radians(), survey().scan.min_range_m);
         let strips: Vec<Strip> =
             (0..columns.strips()).map(|strip| columns.scan_strip(strip, &survey())).collect();
         let counted: u64 = strips.iter().flat_map(|strip| strip.counts).sum();
@@ -196,26 +213,62 @@ mod tests {
         assert!(near > 50_000, "{near} points");
     }
 
+    /// A dense column of a cloud, row by row: `rho_m` says how far away each column of the image sees something at an
+    /// elevation (tangent).
+    fn dense_column(rho_m: impl Fn(f32) -> [f32; 4]) -> Vec<Option<[f32; 3]>> {
+        let row = |step: u16| {
+            let elevation = -0.6 + 0.0007 * f32::from(step);
+            let seen = std::iter::zip([0.001, 0.003, 0.005, 0.004], rho_m(elevation));
+            seen.map(move |(azimuth, rho): (f32, f32)| Some([rho, rho * azimuth, rho * elevation]))
+        };
+        (0..930).flat_map(row).collect()
+    }
+
+    /// Distance of flat ground at an elevation, m.
+    fn ground_m(elevation: f32) -> f32 {
+        if elevation < 0.0 { 1.2 / -elevation } else { 100.0 }
+    }
+
+    /// Labels of the points of which this holds.
+    fn labels_where(points: &[Option<[f32; 3]>], is_meant: impl Fn([f32; 3]) -> bool) -> Vec<Label> {
+        let pairs = std::iter::zip(points, labels_of(points));
+        pairs.filter(|(point, _)| point.is_some_and(&is_meant)).map(|(_, label)| label).collect()
+    }
+
     #[test]
     fn what_is_seen_past_the_edge_of_an_obstacle_in_a_dense_column_is_too_far_to_tell() {
-        // A post 3 m ahead in the middle of flat ground and of a wall 6 m ahead, all in one column.
-        let mut points = Vec::new();
-        for step in 0..930_u16 {
-            let elevation = -0.6 + 0.0007 * f32::from(step);
-            let ground_m = if elevation < 0.0 { 1.2 / -elevation } else { 100.0 };
-            for (azimuth, thing_m) in [(0.001, 6.0), (0.003, 3.0), (0.005, 6.0_f32)] {
-                let rho = ground_m.min(thing_m);
-                points.push(Some([rho, rho * azimuth, rho * elevation]));
-            }
-        }
-        let labels = labels_of(&points);
-        let of = |thing_m: f32, low_m: f32| {
-            let pairs = points.iter().flatten().zip(&labels);
-            let there = pairs.filter(|(point, _)| point[0] == thing_m && point[2] > low_m);
-            there.map(|(_, label)| *label).collect::<Vec<Label>>()
-        };
-        let (post, wall) = (of(3.0, -1.0), of(6.0, -0.8));
+        // A post 3 m ahead in the middle of flat ground and of a wall 6 m ahead, and a part of the vehicle 0.2 m ahead, all
+        // in one column.
+        let points = dense_column(|elevation| {
+            [6.0, 3.0, 6.0, 0.2].map(|thing_m: f32| thing_m.min(ground_m(elevation)))
+        });
+        let of = |thing_m: f32, low_m: f32| labels_where(&points, |[x, _, z]| x == thing_m && z > low_m);
+        let (post, wall, own) = (of(3.0, -1.0), of(6.0, -0.8), of(0.2, -1.0));
         assert!(post.len() > 100 && post.iter().all(|label| *label == Label::Obstacle), "{post:?}");
         assert!(wall.len() > 200 && wall.iter().all(|label| *label == Label::TooFar), "{wall:?}");
+        assert!(own.len() == 930 && own.iter().all(|label| *label == Label::Invalid), "{own:?}");
+    }
+
+    #[test]
+    fn what_is_seen_past_the_crest_of_a_bank_in_a_dense_column_is_too_far_to_tell() {
+        // A ramp from 2 m to 5 m ahead in the middle of flat ground and of a wall 6 m ahead, all in one column.
+        let points = dense_column(|elevation| {
+            let beside_m = ground_m(elevation).min(6.0);
+            let on_ramp_m = 1.6 / (0.2 - elevation);
+            let is_ramp = elevation < 0.2 && (2.0..5.0).contains(&on_ramp_m);
+            let middle_m = if is_ramp { on_ramp_m } else { beside_m };
+            [beside_m, middle_m, beside_m, beside_m]
+        });
+        let ramp = labels_where(&points, |[x, _, z]| (2.2..4.9).contains(&x) && z > -1.19);
+        let wall = labels_where(&points, |[x, _, z]| x == 6.0 && z < -0.75);
+        assert!(ramp.len() > 300 && ramp.iter().all(|label| *label == Label::Ground), "{ramp:?}");
+        assert!(wall.len() > 200 && wall.iter().all(|label| *label == Label::TooFar), "{wall:?}");
+    }
+
+    #[test]
+    fn far_ground_in_a_dense_column_is_ground_though_one_step_spans_more_than_a_gap() {
+        let points = dense_column(|elevation| [ground_m(elevation).min(29.0); 4]);
+        let far = labels_where(&points, |[x, _, _]| (20.0..28.0).contains(&x));
+        assert!(far.len() > 40 && far.iter().all(|label| *label == Label::Ground), "{far:?}");
     }
 }

@@ -99,6 +99,8 @@ pub struct KnownGround<'a> {
     pub map: &'a GroundMap,
     /// Cells last seen before this time are ignored, ns.
     pub since_ns: u64,
+    /// Cells seen after this time are ignored: their clock has begun again, ns.
+    pub until_ns: u64,
 }
 
 /// Geometry of a frame, and the rules for its columns.
@@ -123,10 +125,10 @@ impl Survey<'_> {
         let sensor = self.placement.sensor;
         let steps = if self.known.is_some() { KNOWN_STEPS } else { 0 };
         (1..=steps).rev().map(move |k| rho - k as f32 * GROUND_CELL_M as f32).filter_map(move |rho| {
-            let KnownGround { map, since_ns } = self.known.filter(|_| rho >= from)?;
+            let KnownGround { map, since_ns, until_ns } = self.known.filter(|_| rho >= from)?;
             let index = |sensor: f64, u: f32| ((sensor + f64::from(u * rho)) / GROUND_CELL_M).floor() as i64;
             let cell = map.get(CellIndex::new(index(sensor.x, ux), index(sensor.y, uy)))?;
-            let is_known = cell.pixels >= KNOWN_PIXELS && cell.seen_ns >= since_ns;
+            let is_known = cell.pixels >= KNOWN_PIXELS && (since_ns..=until_ns).contains(&cell.seen_ns);
             is_known.then_some((rho, (f64::from(cell.height_m) - sensor.z) as f32))
         })
     }

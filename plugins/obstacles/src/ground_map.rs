@@ -168,8 +168,9 @@ struct Sums {
 }
 
 impl GroundCell {
+    /// Whether it was seen too long before a time, or as long after it: then its clock has begun again.
     fn is_forgotten(&self, time_ns: u64, rule: &BorderRule) -> bool {
-        time_ns.saturating_sub(self.seen_ns) > rule.memory_ns
+        time_ns.abs_diff(self.seen_ns) > rule.memory_ns
     }
 
     fn take(&mut self, sums: &Sums, sensor_z: f64, time_ns: u64, rule: &BorderRule) {

@@ -29,7 +29,7 @@ fn look(view: &View, map: &mut GroundMap, time_ns: u64) -> Found {
 }
 
 fn look_by(view: &View, map: &mut GroundMap, time_ns: u64, rule: &BorderRule) -> Found {
-    let known = Some(KnownGround { map, since_ns: 0 });
+    let known = Some(KnownGround { map, since_ns: 0, until_ns: u64::MAX });
     let survey = Survey { negative: Some(PARAMS), known, ..view.survey(ScanParams::default()) };
     let mut strips = view.strips_of(&survey, &[]);
     let votes = strips.iter().flat_map(|strip| &strip.ground);
@@ -149,26 +149,46 @@ fn colours_of_a_cell_are_the_mean_of_its_pixels() {
     assert_eq!(field("alpha").get(0, 0), Some(0.0));
 }
 
+/// Votes for borders in the cells before the vehicle.
+fn votes_for_borders(map: &GroundMap) -> u32 {
+    let cells = (-200..200).flat_map(|y| (0..100).map(move |x| CellIndex::new(x, y)));
+    cells.filter_map(|cell| map.get(cell)).map(|cell| u32::from(cell.borders)).sum()
+}
+
 #[test]
 fn borders_are_gathered_over_frames_forgotten_with_time_and_taken_back_by_ground() {
     let ditch = Scene::flat().with_ditch([2.6, -2.0], [3.0, 2.0], 0.6).look();
     let flat = Scene::flat().look();
     let second = 1_000_000_000;
-    let border = |map: &GroundMap| {
-        let cells = (-200..200).flat_map(|y| (0..100).map(move |x| CellIndex::new(x, y)));
-        cells.filter_map(|cell| map.get(cell)).map(|cell| u32::from(cell.borders)).sum::<u32>()
-    };
     let mut map = GroundMap::new().unwrap();
     let first = look(&ditch, &mut map, second).cells.len();
-    let once = border(&map);
+    let once = votes_for_borders(&map);
     // Cells with too few columns in one frame have enough after the next one.
     assert!(look(&ditch, &mut map, 2 * second).cells.len() >= first);
-    assert!(border(&map) > once);
-    let twice = border(&map);
+    let twice = votes_for_borders(&map);
+    assert!(twice > once);
     assert_eq!(look(&flat, &mut map, 3 * second).cells.len(), 0, "only what this frame sees is reported");
-    assert!(border(&map) < twice);
+    assert!(votes_for_borders(&map) < twice);
     look(&flat, &mut map, 60 * second);
-    assert_eq!(border(&map), 0);
+    assert_eq!(votes_for_borders(&map), 0);
+}
+
+#[test]
+fn what_was_seen_by_a_clock_before_it_began_again_is_forgotten() {
+    let ditch = Scene::flat().with_ditch([2.6, -2.0], [3.0, 2.0], 0.6).look();
+    let second = 1_000_000_000;
+    let mut map = GroundMap::new().unwrap();
+    for time_s in [100, 101] {
+        look(&ditch, &mut map, time_s * second);
+    }
+    assert!(votes_for_borders(&map) > 0);
+    look(&Scene::flat().look(), &mut map, second);
+    assert_eq!(votes_for_borders(&map), 0);
+    // By the new clock it is forgotten with time, too.
+    look(&ditch, &mut map, 2 * second);
+    assert!(votes_for_borders(&map) > 0);
+    look(&Scene::flat().look(), &mut map, 20 * second);
+    assert_eq!(votes_for_borders(&map), 0);
 }
 
 #[test]

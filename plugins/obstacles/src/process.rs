@@ -251,8 +251,9 @@ impl Obstacles {
                 has_range.then_some([p.x as f32, p.y as f32, p.z as f32])
             })
             .collect();
-        let columns = CloudColumns::new(&points, (params.azimuth_step_deg as f32).to_radians());
         let survey = self.survey(&sensor_pose, time, params, false);
+        let azimuth_step_rad = (params.azimuth_step_deg as f32).to_radians();
+        let columns = CloudColumns::new(&points, azimuth_step_rad, survey.scan.min_range_m);
         let mut strips = cx.pool().map(columns.strips(), |strip| columns.scan_strip(strip, &survey));
         let without_range = points.iter().filter(|point| point.is_none()).count() as u64;
         // The noise of stereo is that of depth images, which may come beside clouds.
@@ -270,13 +271,14 @@ impl Obstacles {
         params: &ObstaclesParams,
         is_image: bool,
     ) -> Survey<'_> {
-        let since_ns = time.0.saturating_sub(border_rule(params).memory_ns);
+        let memory_ns = border_rule(params).memory_ns;
+        let (since_ns, until_ns) = (time.0.saturating_sub(memory_ns), time.0.saturating_add(memory_ns));
         Survey {
             ground_plane: sensor_pose.ground_plane,
             placement: sensor_pose.placement,
             scan: scan_params(params, self.camera.as_ref().filter(|_| is_image)),
             negative: negative_params(params),
-            known: Some(KnownGround { map: &self.ground, since_ns }),
+            known: Some(KnownGround { map: &self.ground, since_ns, until_ns }),
         }
     }
 

@@ -253,6 +253,8 @@ impl Process for WaypointGenerator {
         if self.obeyed.replace(obeyed).is_some_and(|before| before != obeyed) {
             self.is_to_tell = true;
             self.search = None;
+            // It is judged anew in this cycle, and so is the goal of a command.
+            self.forbidden = None;
         }
         while let Some(command) = cx.next_command::<Self>() {
             let WaypointGeneratorCommand::GoTo(goal) = command;
@@ -260,6 +262,7 @@ impl Process for WaypointGenerator {
             self.mission.goals = None;
             self.search = None;
             self.told = None;
+            self.forbidden = None;
         }
         self.take_transforms(ports, params, cx);
         let arrived = self.take_mission(ports, params, cx);
@@ -414,7 +417,7 @@ impl WaypointGenerator {
         self.told = None;
     }
 
-    /// The goal is not driven to. What is obeyed is stated all the same, once for each mission and reason.
+    /// The goal is not driven to. What is obeyed is stated all the same, once for each goal and reason.
     fn forbid(&mut self, ports: &Ports, params: &WaypointGeneratorParams, why: String, cx: &mut Cycle<'_>) {
         self.halt_planners(ports, cx);
         if self.forbidden.as_ref() == Some(&why) {

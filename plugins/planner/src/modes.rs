@@ -289,17 +289,16 @@ impl Table {
                     return refused(format!("{signal}: for_s is {for_s}, expected 0 to 600"));
                 }
             }
-            let numbers = [
-                mode.max_speed_mps.unwrap_or(0.5),
-                mode.min_speed_mps.unwrap_or(0.5),
-                mode.least_free_m.unwrap_or(0.5),
-                mode.pause_s + 1e-3,
-                mode.bars_m + 1e-3,
-            ];
-            if numbers.iter().any(|number| !(*number > 0.0 && *number <= 600.0))
+            let numbers = [mode.max_speed_mps, mode.min_speed_mps, mode.least_free_m];
+            if numbers.into_iter().flatten().any(|number| !(number > 0.0 && number <= 600.0))
                 || !mode.yaw_rate_radps.is_finite()
             {
-                return refused("expected speeds, lengths and times above 0 and at most 600".to_owned());
+                return refused("expected speeds and lengths above 0 and at most 600".to_owned());
+            }
+            for (key, value) in [("pause_s", mode.pause_s), ("bars_m", mode.bars_m)] {
+                if !(0.0..=600.0).contains(&value) {
+                    return refused(format!("{key} is {value}, expected 0 to 600"));
+                }
             }
             if mode.arcs_per_side.is_some_and(|count| !(1..=50).contains(&count)) {
                 return refused("arcs_per_side: expected 1 to 50".to_owned());

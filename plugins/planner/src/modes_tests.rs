@@ -105,6 +105,8 @@ fn tables_that_cannot_work_are_refused() {
         ),
         (row(&format!("{enter}exit = [{{ signal = 'luck', at_most = 1.0 }}]")), "line 6, "),
         (row(&format!("{enter}{exit}max_speed_mps = -1.0")), "mode \"A\": expected speeds"),
+        (row(&format!("{enter}{exit}pause_s = nan")), "mode \"A\": pause_s is NaN, expected 0 to 600"),
+        (row(&format!("{enter}{exit}bars_m = -0.0001")), "mode \"A\": bars_m is -0.0001, expected 0 to 600"),
         (row(&format!("{enter}{exit}arcs_per_side = 0")), "mode \"A\": arcs_per_side"),
         (row(&format!("{enter}{exit}speed = 1.0")), "line 7, "),
         (

@@ -39,9 +39,9 @@
 //! `LIMIT_SPEED` (`rcs.SpeedLimit`) limits every driver until `RUN`: a turn rate decreases with the speed, so that the
 //! vehicle drives the same arc, and with a limit of 0 it is held. An emergency stop remains active across `INIT`; a
 //! pressed bumper still holds after it, and a sensor that was silent before is still missed. A sensor that repeats its last
-//! message, by the time that this states, is silent. The status has NaN as speed or turn rate where its sensor is not wired,
-//! or has been silent for longer than `sensor_timeout_s` (if that is above 0); `HALT` and `INIT` do not wait for such a
-//! speed.
+//! message, by the time that this states, is silent. The status has NaN as speed, turn rate or attitude where its sensor is
+//! not wired, or has been silent for longer than `sensor_timeout_s` (if that is above 0); `HALT` and `INIT` do not wait for
+//! such a speed.
 //!
 //! Not in the papers: a pressed bumper blocks forward motion (backward motion and turning remain possible). Where wheels
 //! slip on one side, what the turn lacks is added to it ([`control::Slip`]), while encoders and inertial sensor both send.

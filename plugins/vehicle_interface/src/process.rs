@@ -56,8 +56,8 @@ struct Sensed {
     wheels_mps: Option<([f64; 2], Stamp)>,
     /// Turn rate of the vehicle by the inertial sensor, rad/s, and when it came.
     yaw_rate_radps: Option<(f64, Stamp)>,
-    roll_rad: f64,
-    pitch_rad: f64,
+    /// Roll and pitch by the local estimate or the inertial sensor, rad, and their time.
+    attitude_rad: Option<([f64; 2], Stamp)>,
     left_a: f64,
     right_a: f64,
     bumper_left: bool,
@@ -97,17 +97,12 @@ struct Decision {
 }
 
 impl Sensed {
-    /// Speed of the vehicle by its wheels, m/s: see [`Sensed::known`].
-    fn speed_mps(&self, timeout_s: f64, now: Stamp) -> f64 {
-        let said = self.wheels_mps.map(|([left, right], at)| (f64::midpoint(left, right), at));
-        self.known(said, timeout_s, now)
-    }
-
-    /// What a wired sensor said last, 0 before that; NaN once it has been silent for longer than the timeout, if there is
-    /// one.
-    fn known(&self, said: Option<(f64, Stamp)>, timeout_s: f64, now: Stamp) -> f64 {
+    /// What a sensor said last, 0 before that; NaN where it is not wired, or has been silent for longer than the timeout, if
+    /// there is one.
+    fn known(&self, said: Option<(f64, Stamp)>, is_wired: bool, timeout_s: f64, now: Stamp) -> f64 {
         let (value, at) = said.unwrap_or((0.0, self.since.unwrap_or(now)));
-        if timeout_s > 0.0 && now.seconds_since(at) > timeout_s { f64::NAN } else { value }
+        let is_silent = timeout_s > 0.0 && now.seconds_since(at) > timeout_s;
+        if is_wired && !is_silent { value } else { f64::NAN }
     }
 
     /// Speeds of the wheels, m/s, and turn rate of the vehicle, rad/s; `None` where one of them is old.
@@ -310,18 +305,23 @@ impl VehicleInterface {
 
     /// Speed of the vehicle by its wheels, m/s; NaN where no sensor tells it.
     fn speed_mps(&self, ports: &Ports, params: &VehicleInterfaceParams, cx: &Cycle<'_>) -> f64 {
-        if !cx.is_wired(&ports.encoders) {
-            return f64::NAN;
-        }
-        self.sensed.speed_mps(params.sensor_timeout_s, cx.now())
+        let said = self.sensed.wheels_mps.map(|([left, right], at)| (f64::midpoint(left, right), at));
+        self.sensed.known(said, cx.is_wired(&ports.encoders), params.sensor_timeout_s, cx.now())
     }
 
     /// Turn rate of the vehicle by the inertial sensor, rad/s; NaN where no sensor tells it.
     fn yaw_rate_radps(&self, ports: &Ports, params: &VehicleInterfaceParams, cx: &Cycle<'_>) -> f64 {
-        if !cx.is_wired(&ports.imu) {
-            return f64::NAN;
-        }
-        self.sensed.known(self.sensed.yaw_rate_radps, params.sensor_timeout_s, cx.now())
+        let said = self.sensed.yaw_rate_radps;
+        self.sensed.known(said, cx.is_wired(&ports.imu), params.sensor_timeout_s, cx.now())
+    }
+
+    /// Roll and pitch of the vehicle, rad; NaN where neither the local estimate nor the inertial sensor tells them.
+    fn attitude_rad(&self, ports: &Ports, params: &VehicleInterfaceParams, cx: &Cycle<'_>) -> [f64; 2] {
+        let is_wired = cx.is_wired(&ports.local) || cx.is_wired(&ports.imu);
+        [0, 1].map(|axis| {
+            let said = self.sensed.attitude_rad.map(|(angles_rad, at)| (angles_rad[axis], at));
+            self.sensed.known(said, is_wired, params.sensor_timeout_s, cx.now())
+        })
     }
 
     /// What the sensors last said before the state was created anew, as by `INIT`, at the times at which they said it: one
@@ -398,7 +398,8 @@ impl VehicleInterface {
             return Err(format!("pose is {:.3} s older than the one before", before.seconds_since(time)));
         }
         self.yaw = Some((pose.yaw(), time));
-        [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
+        let [roll_rad, pitch_rad, _] = pose.rpy();
+        self.sensed.attitude_rad = Some(([roll_rad, pitch_rad], time));
         Ok(())
     }
 
@@ -416,7 +417,10 @@ impl VehicleInterface {
         let is_estimated = self.yaw.is_some_and(|(_, at)| cx.now().seconds_since(at) <= SENSED_S);
         if let Some(q) = imu.orientation.as_ref().filter(|_| !is_estimated) {
             match rcs_geom::Pose::from_parts([0.0; 3], [q.x, q.y, q.z, q.w]) {
-                Ok(pose) => [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy(),
+                Ok(pose) => {
+                    let [roll_rad, pitch_rad, _] = pose.rpy();
+                    self.sensed.attitude_rad = Some(([roll_rad, pitch_rad], cx.now()));
+                }
                 Err(error) => cx.fault(format!("imu: {error}; skipped")),
             }
         }
@@ -509,12 +513,13 @@ impl VehicleInterface {
         };
         cx.write(&ports.wheels, now, command);
         let sensed = &self.sensed;
+        let [roll_rad, pitch_rad] = self.attitude_rad(ports, params, cx);
         let status = VehicleStatus {
             timestamp: Some(now.to_proto()),
             speed_mps: self.speed_mps(ports, params, cx),
             yaw_rate_radps: self.yaw_rate_radps(ports, params, cx),
-            roll_rad: sensed.roll_rad,
-            pitch_rad: sensed.pitch_rad,
+            roll_rad,
+            pitch_rad,
             wanted_speed_mps: decision.wanted_speed_mps,
             left_command_mps: wheels.left_mps,
             right_command_mps: wheels.right_mps,

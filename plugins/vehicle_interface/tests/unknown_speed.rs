@@ -1,8 +1,10 @@
-//! Sensors that tell no speed or turn rate any more, or never did: what the status says, and what `HALT` waits for.
+//! Sensors that tell no speed, turn rate or attitude any more, or never did: what the status says, and what `HALT` waits for.
 
-use rcs_msg::foxglove::Vector3;
+use rcs_geom::{DVec3, Pose};
+use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
 use rcs_msg::rcs;
 use rcs_runtime::ProcessType;
+use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_vehicle_interface::VehicleInterface;
 
@@ -86,4 +88,42 @@ fn sensors_that_are_not_wired_or_never_speak_tell_no_speed() {
     assert_eq!(motion(&bench), [0.0; 2], "they may speak yet");
     run(&mut bench, 30);
     assert!(is_unknown(&bench));
+}
+
+#[test]
+fn an_attitude_that_neither_the_local_estimate_nor_the_inertial_sensor_tells_is_not_known() {
+    let attitude = |bench: &Bench| {
+        let status: rcs::VehicleStatus = bench.latest("/vehicle_interface/vehicle");
+        [status.roll_rad, status.pitch_rad]
+    };
+    let is_unknown = |bench: &Bench| attitude(bench).iter().all(|angle_rad| angle_rad.is_nan());
+    let is_tilted = |bench: &Bench| {
+        let [roll_rad, pitch_rad] = attitude(bench);
+        (roll_rad - 0.1).abs() < 1e-9 && (pitch_rad + 0.2).abs() < 1e-9
+    };
+    let tilted = Pose::from_rpy(DVec3::ZERO, 0.1, -0.2, 0.0);
+    let q = tilted.rotation;
+    let orientation = Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w });
+    let imu = rcs::Imu { orientation, ..Default::default() };
+    let pose = Some(pose_message(&tilted));
+    let local = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+    let stack = STACK.replace("inputs = {", "inputs = { local = \"/operator/local\",");
+    for says_local in [false, true] {
+        let mut bench = start(&stack, "0.5");
+        assert_eq!(attitude(&bench), [0.0; 2], "they may speak yet");
+        if says_local {
+            bench.write("/operator/local", local.clone());
+        } else {
+            bench.write("/operator/imu", imu.clone());
+        }
+        run(&mut bench, 20);
+        assert!(is_tilted(&bench), "{:?}", attitude(&bench));
+        run(&mut bench, 10);
+        assert!(is_unknown(&bench), "{:?}", attitude(&bench));
+        bench.write("/operator/imu", imu.clone());
+        run(&mut bench, 1);
+        assert!(is_tilted(&bench), "it is back: {:?}", attitude(&bench));
+    }
+    let without = STACK.lines().filter(|line| !line.starts_with("inputs")).collect::<Vec<_>>().join("\n");
+    assert!(is_unknown(&start(&without, "0")), "not wired");
 }

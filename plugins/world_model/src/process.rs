@@ -9,7 +9,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
+use rcs_sense::{CLOCK_BEGINS_AGAIN_S, Extrinsics, Localizer, PosePorts, pose_message};
 use rcs_world::{GridViewError, Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -29,7 +29,7 @@ pub struct WorldModel {
     learned: Vec<(Source, f32, f32)>,
     published: Option<Stamp>,
     faded: Option<Stamp>,
-    /// Acquisition time of the last data that changed the map.
+    /// Acquisition time of the newest data that changed the map, by a clock that may have begun again.
     changed: Stamp,
     scrolled: u64,
 }
@@ -271,13 +271,18 @@ impl WorldModel {
         if let Some(map) = copy {
             self.map = map;
         }
-        self.changed = self.changed.max(grid.acq_time_on_arrival());
+        let mut newest = self.changed.max(grid.acq_time_on_arrival());
         for (origin, votes) in std::iter::zip(&origins, votes) {
             self.seen.insert(origin.source);
             let contribution = self.contribution(origin.source);
             contribution.votes += votes;
-            contribution.newest = contribution.newest.max(origin.time);
+            if contribution.newest.seconds_since(origin.time) > CLOCK_BEGINS_AGAIN_S {
+                (contribution.newest, newest) = (origin.time, origin.time);
+            } else {
+                contribution.newest = contribution.newest.max(origin.time);
+            }
         }
+        self.changed = newest;
         Ok(())
     }
 

@@ -57,9 +57,9 @@ fn cost_map(costs: &[(&str, u8)]) -> Grid {
     grid
 }
 
-/// Writes a message whose time is this much ahead of the next cycle.
-fn write_ahead<T: Payload>(bench: &mut Bench, buffer: &str, ahead_ms: u64, message: T) {
-    let time = Stamp((bench.now_ms + ahead_ms) * 1_000_000);
+/// Writes a message of a time.
+fn write_at<T: Payload>(bench: &mut Bench, buffer: &str, time_ms: u64, message: T) {
+    let time = Stamp(time_ms * 1_000_000);
     bench.session.write(ExternalEvent::sensed(buffer, time, AnyMessage::new(message))).unwrap();
 }
 
@@ -87,7 +87,8 @@ fn map_time_ms(bench: &Bench) -> u64 {
 fn a_cost_map_from_the_future_does_not_make_the_map_look_new_for_ever() {
     let mut bench = standing(&[]);
     bench.cycles(50, 4);
-    write_ahead(&mut bench, "/operator/stereo", HOUR_MS, cost_map(&[("stereo", 250)]));
+    let ahead_ms = bench.now_ms + HOUR_MS;
+    write_at(&mut bench, "/operator/stereo", ahead_ms, cost_map(&[("stereo", 250)]));
     bench.cycles(50, 4);
     let time_ms = map_time_ms(&bench);
     assert!((150..=bench.now_ms).contains(&time_ms), "when it came: {time_ms}");
@@ -96,6 +97,24 @@ fn a_cost_map_from_the_future_does_not_make_the_map_look_new_for_ever() {
     bench.cycles(50, 40);
     let age_s = bench.latest::<WorldModelStats>("/wm1/stats").source[0].age_s;
     assert!((2.0..2.6).contains(&age_s), "{age_s}");
+}
+
+#[test]
+fn a_map_has_the_time_of_its_newest_data_also_after_the_clock_of_a_source_has_begun_again() {
+    let mut bench = standing(&[]);
+    bench.cycles(50, 240);
+    let mut time_with = |buffer: &str, source: &str, time_ms: u64| {
+        write_at(&mut bench, buffer, time_ms, cost_map(&[(source, 250)]));
+        bench.cycles(50, 4);
+        map_time_ms(&bench)
+    };
+    assert_eq!(time_with("/operator/stereo", "stereo", 11_500), 11_500);
+    assert_eq!(time_with("/operator/stereo", "stereo", 11_000), 11_500, "it is late");
+    assert_eq!(time_with("/operator/costs", "radar", 1_000), 11_500, "the clock of another source is behind");
+    assert_eq!(time_with("/operator/stereo", "stereo", 1_200), 1_200);
+    assert_eq!(time_with("/operator/stereo", "stereo", 1_400), 1_400);
+    let stats = bench.latest::<WorldModelStats>("/wm1/stats");
+    assert!((10.0..13.0).contains(&stats.source[0].age_s), "{}", stats.source[0].age_s);
 }
 
 #[test]

@@ -146,9 +146,10 @@ pub(super) fn arcs(
         paint(index, Stroke::new(4.0, tokens.canvas()));
         paint(index, Stroke::new(2.5, tokens.accent));
     }
-    // Without a target the message has the origin, and no arc is chosen to drive there.
+    // Without a target, as where a mode backs up, the message has the origin.
     let target = [choice.target_x_m, choice.target_y_m];
-    if chosen.is_some() && target.iter().all(|v| v.is_finite()) {
+    let has_target = target.iter().all(|v| v.is_finite()) && target != [0.0; 2];
+    if has_target && !choice.arcs.is_empty() {
         let (center, arm) = (at.screen(target), 5.0);
         let ink = if is_old { tokens.stale } else { tokens.strong };
         for way in [Vec2::new(arm, arm), Vec2::new(arm, -arm)] {
@@ -223,14 +224,23 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_without_a_chosen_arc_has_no_target_and_an_old_target_looks_old() {
-        let blocked = ArcChoice { arcs: vec![ScoredArc::default()], ..ArcChoice::default() };
-        // Its arc has no length, so only a target could be painted.
+    fn a_target_is_shown_with_a_chosen_arc_and_without_and_an_old_one_looks_old() {
         let nothing = painted(&ArcChoice::default(), None, false);
-        assert_eq!(painted(&blocked, None, false), nothing);
-        let chosen = ArcChoice { chosen: Some(0), ..blocked };
-        assert_ne!(painted(&chosen, None, false), nothing);
-        assert_ne!(painted(&chosen, None, true), painted(&chosen, None, false));
+        // Its arc has no length, so only a target could be painted.
+        let arcs = vec![ScoredArc::default()];
+        let back = ArcChoice { arcs, chosen: Some(0), ..ArcChoice::default() };
+        assert_eq!(painted(&back, None, false), nothing, "it backs up without a target");
+        let ahead = ArcChoice { target_x_m: 2.0, ..back };
+        let cross = painted(&ahead, None, false);
+        assert_ne!(cross, nothing);
+        assert_ne!(painted(&ahead, None, true), cross);
+        let blocked = ArcChoice { chosen: None, ..ahead };
+        assert_eq!(painted(&blocked, None, false), cross, "no arc is free");
+        let unknown = ArcChoice { target_y_m: f64::NAN, ..blocked.clone() };
+        let without_arcs = ArcChoice { arcs: Vec::new(), ..blocked };
+        for choice in [unknown, without_arcs] {
+            assert_eq!(painted(&choice, None, false), nothing, "{choice:?}");
+        }
     }
 
     #[test]

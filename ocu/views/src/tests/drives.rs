@@ -27,9 +27,15 @@ fn the_drive_view_says_how_the_vehicle_and_the_course_stand() {
 }
 
 #[test]
-fn a_speed_and_a_turn_rate_that_no_sensor_tells_are_dashes() {
+fn a_speed_a_turn_rate_and_an_attitude_that_no_sensor_tells_are_dashes() {
     let mut frame = samples::driving();
-    let status = VehicleStatus { speed_mps: f64::NAN, yaw_rate_radps: f64::NAN, ..VehicleStatus::default() };
+    let status = VehicleStatus {
+        speed_mps: f64::NAN,
+        yaw_rate_radps: f64::NAN,
+        roll_rad: f64::NAN,
+        pitch_rad: f64::NAN,
+        ..VehicleStatus::default()
+    };
     let vehicle = samples::topic("/vehicle_interface/vehicle", 50.0, 0.02, status);
     let others = frame.topics.iter().filter(|topic| topic.name != vehicle.name).cloned();
     frame.topics = others.chain([vehicle.clone()]).collect();
@@ -37,6 +43,7 @@ fn a_speed_and_a_turn_rate_that_no_sensor_tells_are_dashes() {
     for text in ["– m/s", "– °/s"] {
         assert!(harness.query_by_label_contains(text).is_some(), "{text}");
     }
+    assert_eq!(harness.query_all_by_label_contains("– °").count(), 3, "turn, roll and pitch");
 }
 
 #[test]

@@ -179,6 +179,16 @@ fn map(cost: impl Fn(DVec2) -> u8) -> Grid {
     }
 }
 
+/// Sends the vehicle by command to a place 3 m north of the origin.
+fn go_to(bench: &mut Bench, easting_m: f64) {
+    let goal = UtmGoal { zone: 18, easting_m, northing_m: 4_000_003.0 };
+    let encoded = WaypointGeneratorCommand::GoTo(goal).encode();
+    let (parameters_schema, parameters) = encoded.parameters;
+    let (name, parameters) = (encoded.name.to_owned(), parameters.into());
+    let command = rcs::Command { serial: 100, name, parameters_schema, parameters, timestamp: None };
+    bench.write("/generator/command", command);
+}
+
 fn drive(bench: &Bench) -> (f64, f64) {
     let command: rcs::DriveCommand = bench.latest("/follower/drive");
     (command.speed_mps, command.yaw_rate_radps.unwrap())
@@ -252,13 +262,7 @@ fn no_goal_and_a_goal_in_another_zone_are_told_and_a_command_gives_another() {
     let (state, text) = status(&bench, "generator");
     assert!(state == ProcessState::Error && text.starts_with("there is no goal"), "{text}");
     assert_eq!(drive(&bench), (0.0, 0.0));
-    let encoded =
-        WaypointGeneratorCommand::GoTo(UtmGoal { zone: 18, easting_m: 300_012.0, northing_m: 4_000_003.0 })
-            .encode();
-    let (parameters_schema, parameters) = encoded.parameters;
-    let (name, parameters) = (encoded.name.to_owned(), parameters.into());
-    let command = rcs::Command { serial: 100, name, parameters_schema, parameters, timestamp: None };
-    bench.write("/generator/command", command);
+    go_to(&mut bench, 300_012.0);
     cycle(&mut bench, 0.0, 0.0, free, 12);
     assert!(drive(&bench).0 > 0.9);
 

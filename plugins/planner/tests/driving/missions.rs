@@ -1,6 +1,6 @@
 //! The goals of the operator's missions, and what does not make them forgotten.
 
-use super::{FILES, cycle, drive, free, path, point, polygon, start, status, story};
+use super::{FILES, cycle, drive, free, go_to, path, point, polygon, start, status, story};
 use rcs_geom::DVec2;
 use rcs_msg::rcs;
 use rcs_msg::rcs::Mission;
@@ -82,6 +82,13 @@ fn a_mission_with_a_forbidden_goal_is_stated_and_the_status_names_the_goal_and_w
     cycle(&mut bench, 0.0, 0.0, free, 12);
     let stated: Mission = bench.latest("/generator/driven");
     assert_eq!((stated.goals.len(), stated.keep_out.len(), stated.area.is_some()), (1, 0, true));
+    assert_eq!(status(&bench, "generator").1, "the goal lies 3.0 m outside of the area: stands");
+
+    // The same place, as the goal of a command.
+    go_to(&mut bench, 300_007.0);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let stated: Mission = bench.latest("/generator/driven");
+    assert_eq!((stated.goals.len(), stated.area.is_some()), (0, true));
     assert_eq!(status(&bench, "generator").1, "the goal lies 3.0 m outside of the area: stands");
 }
 
