@@ -110,6 +110,26 @@ fn a_wrong_text_is_refused_and_says_where() {
 }
 
 #[test]
+fn a_name_that_an_enum_does_not_have_is_refused_and_a_state_that_no_message_has_had_is_not() {
+    let value = |text: &str| {
+        let formula: Formula = text.parse().unwrap();
+        let points = Points {
+            names: Arc::new([(1, "EXEC".into())].into()),
+            states: ["EXEC", "ERROR"].map(str::to_owned).into(),
+            ..Points::from_seconds(&[(1.0, 1.0)])
+        };
+        formula.eval(&[points]).map(|points| points.values[0]).map_err(|error| error.to_string())
+    };
+    assert_eq!(value("/s.state == EXEC"), Ok(1.0));
+    assert_eq!(value("/s.state == ERROR"), Ok(0.0));
+    assert_eq!(value("/s.state != ERROR"), Ok(1.0));
+    for text in ["/s.state == REACHED", "/s.state != REACHED"] {
+        let error = value(text).unwrap_err();
+        assert!(error.contains("no state \"REACHED\", expected one of EXEC, ERROR"), "{text}: {error}");
+    }
+}
+
+#[test]
 fn a_field_of_any_name_is_itself_again() {
     for (topic, path) in [
         ("/wm1/status", ".cycle"),

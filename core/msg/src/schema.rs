@@ -137,6 +137,21 @@ impl Schema {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{rcs, schema_of};
+
+    #[test]
+    fn the_states_of_an_enum_are_found_in_nested_messages_and_in_lists() {
+        fn names(schema: &Schema, path: &str) -> Option<Vec<String>> {
+            schema.state_names(&path.parse().unwrap())
+        }
+        let (change, diagnostics) = (schema_of::<rcs::Override>(), schema_of::<rcs::Diagnostics>());
+        let kinds = ["NONE", "STOPPED", "SLOWED", "FROZEN", "NAN", "DROPPED", "LATE"];
+        assert_eq!(names(change, "fault.kind").unwrap(), kinds);
+        assert_eq!(names(diagnostics, "parts[2].level").unwrap(), ["OK", "WARN", "ERROR", "STALE"]);
+        for path in ["", "fault", "fault.delay_ms", "fault.absent", "buffer.@length"] {
+            assert_eq!(names(change, path), None, "{path}");
+        }
+    }
 
     #[test]
     fn a_definition_is_like_another_one_with_other_comments_and_not_like_one_with_other_fields() {

@@ -229,6 +229,16 @@ fn fields_of_several_runs_are_read_from_disk_together_and_are_those_of_a_run_tha
 }
 
 #[test]
+fn all_states_of_an_enum_are_known_before_a_run_has_had_them() {
+    let mut source = survey(PastOptions::default());
+    let state = field("/surveyor/status", "state");
+    source.gather(std::slice::from_ref(&state), &|| false);
+    let frame = source.frame();
+    let states = &frame.field(&state, RunTag::FIRST).unwrap().states;
+    assert_eq!(states[..], ["UNINITIALIZED", "EXEC", "DONE", "ERROR"]);
+}
+
+#[test]
 fn what_a_run_writes_before_its_first_event_is_plotted_and_can_be_gone_back_to() {
     let mut source = survey(PastOptions::default());
     let task = Task::default();

@@ -435,6 +435,8 @@ fn eval_color_measures_images_against_their_labels() {
     assert!(json(&out)["ground_iou"].as_f64().unwrap() < 0.05, "{out}");
     let (_, out, _) = ocu(&[&images[..], &["--ground-ids", "1,2,7,255", "--json"]].concat());
     assert_eq!(json(&out)["obstacle_iou"], 0.0, "obstacles were called, and there are none");
+    let (code, _, errors) = ocu(&[&images[..], &["--ground-ids", "7,9"]].concat());
+    assert!(code == 0 && errors.contains("no label image has the ground id 9"), "{errors}");
     let (code, out, _) = ocu(&[&images[..], &["--ground-ids", "7", "--apriori", "orange_fence"]].concat());
     assert!(code == 0 && out.contains("intersection over union of ground"), "{out}");
 }
@@ -456,7 +458,8 @@ fn eval_color_refuses_what_does_not_fit() {
     check(&[&image, "--labels", &small], 2, "labels are 64x48 pixels, their image 320x240");
     check(&[&image, "--labels", &image], 2, "labels are an image in colours");
     check(&[&image, "--labels", "none.png"], 2, "cannot read none.png");
-    check(&[&image, "--labels", &labels, "--ground-ids", "9"], 2, "id 9, expected one of 1, 2, 7, 255");
+    let (code, _, why) = ocu(&["eval", "color", "--image", &image, "--labels", &labels, "--ground-ids", "8"]);
+    assert!(code == 2 && why.contains("ground ids 8; expected one of 1, 2, 7, 255"), "{why}");
     check(&[&black, "--labels", &labels], 1, "image is 100 % black");
     check(&[&image, "--labels", &labels, "--horizon", "120"], 2, "horizon is 120 %");
     check(

@@ -416,6 +416,16 @@ fn a_file_that_cannot_be_opened_is_wrong_usage_of_every_command() {
     assert!(!out.exists() && !table.exists());
 }
 
+#[test]
+fn commands_that_read_a_recording_list_their_exit_codes() {
+    for command in [&["stack", "check"][..], &["sweep"], &["run"], &["diff"]] {
+        let (_, help, _) = ocu(&[command, &["--help"]].concat());
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        let codes = help.split_once("Exit codes: ").unwrap().1;
+        assert!(["0 ", "1 ", "2 ", "3 "].iter().all(|code| codes.contains(*code)), "{command:?}: {codes}");
+    }
+}
+
 /// A drive of 60 s along a free row, beside a row of obstacles that stereo is sure of once they are near. Terrain calls
 /// both rows the wrong way round. The obstacles are only there in some seconds.
 fn maps_of_a_drive(path: &Path, has_obstacles: impl Fn(u32) -> bool) {

@@ -11,10 +11,11 @@ use rcs_msg::{AnyMessage, Stamp, canonical, canonical_name, schema_of};
 use rcs_runtime::{Happened, Plan, RunOptions, Stepped, acquisition_time};
 use rcs_sense::ObstacleLabel;
 use std::collections::BTreeMap;
+use std::iter::Peekable;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Greatest number of label images that wait for their counterpart.
+/// Greatest number of label images of one side that wait for their counterpart.
 const WAITING: usize = 64;
 
 /// What is evaluated.
@@ -43,13 +44,7 @@ pub struct StackRun<'a> {
 
 /// Evaluates the label images of a recording.
 pub fn recording(job: &Job<'_>, log: &Log) -> Result<ClassReport, EvalError> {
-    let mut pairs = Pairs::new(job);
-    let judged = judged_topic(job, log)?;
-    let (truth, judged) = (image_topics(log, job.truth_topic)?, image_topics(log, &judged)?);
-    // The ground truth may have been appended to the drive, so that its images come last.
-    read_truth(log, truth, &mut pairs)?;
-    read(log, judged, Side::Judged, &mut pairs)?;
-    pairs.report(Vec::new())
+    recorded_pairs(job, log)?.report(Vec::new())
 }
 
 /// Evaluates the label images of a stack while it runs.
@@ -71,13 +66,14 @@ enum Side {
 struct Pairs {
     tolerance_s: f64,
     tolerance_ns: u64,
-    /// Whether the number of waiting label images is unlimited.
-    keeps_all: bool,
     waiting: [BTreeMap<Stamp, Labels>; 2],
     seen: [u64; 2],
     matched: u64,
     confusion: Confusion<2>,
 }
+
+/// A label image of a recording, and when it was acquired.
+type TimedImage = (Stamp, RawImage);
 
 #[derive(Debug)]
 struct Labels {
@@ -90,7 +86,6 @@ impl Pairs {
         Pairs {
             tolerance_s: job.tolerance_s,
             tolerance_ns: (job.tolerance_s * 1e9).round() as u64,
-            keeps_all: false,
             waiting: [BTreeMap::new(), BTreeMap::new()],
             seen: [0; 2],
             matched: 0,
@@ -138,12 +133,30 @@ impl Pairs {
             None => {
                 let own = &mut self.waiting[side as usize];
                 own.insert(time, labels);
-                if own.len() > WAITING && !self.keeps_all {
+                if own.len() > WAITING {
                     own.pop_first();
                 }
                 Ok(())
             }
         }
+    }
+
+    /// Adds those of the next true label images of a recording that may be the nearest to a judged one of this time: all
+    /// up to that time, and the first one after it if it is within the tolerance.
+    fn add_truth(
+        &mut self,
+        truth: &mut Peekable<impl Iterator<Item = Result<TimedImage, EvalError>>>,
+        time: Stamp,
+    ) -> Result<(), EvalError> {
+        let latest = time.after_ns(self.tolerance_ns);
+        while let Some(next) = truth.next_if(|next| !next.as_ref().is_ok_and(|(at, _)| *at > latest)) {
+            let (at, image) = next?;
+            self.add(Side::Truth, &image, at)?;
+            if at > time {
+                break;
+            }
+        }
+        Ok(())
     }
 
     fn count(&mut self, truth: &Labels, judged: &Labels) -> Result<(), EvalError> {
@@ -220,23 +233,29 @@ fn image_topics(log: &Log, name: &str) -> Result<Vec<TopicId>, EvalError> {
     Ok(topics.into_iter().map(|topic| topic.id).collect())
 }
 
-/// Adds all true label images of a recording to the pairs, before the first one that is evaluated.
-fn read_truth(log: &Log, topics: Vec<TopicId>, pairs: &mut Pairs) -> Result<(), EvalError> {
-    pairs.keeps_all = true;
-    read(log, topics, Side::Truth, pairs)?;
-    pairs.keeps_all = false;
-    Ok(())
-}
-
-/// Adds the label images of a recording's topics to the pairs.
-fn read(log: &Log, topics: Vec<TopicId>, side: Side, pairs: &mut Pairs) -> Result<(), EvalError> {
-    for message in log.cursor(CursorOptions { topics: Some(topics), ..CursorOptions::default() }) {
-        give(log, &message?, side, pairs)?;
+/// The pairs of a recording.
+fn recorded_pairs(job: &Job<'_>, log: &Log) -> Result<Pairs, EvalError> {
+    let mut pairs = Pairs::new(job);
+    let judged = judged_topic(job, log)?;
+    // Each topic has a cursor of its own, because the ground truth may have been appended to the drive.
+    let mut truth = images(log, job.truth_topic)?.peekable();
+    for next in images(log, &judged)? {
+        let (time, image) = next?;
+        pairs.add_truth(&mut truth, time)?;
+        pairs.add(Side::Judged, &image, time)?;
     }
-    Ok(())
+    pairs.add_truth(&mut truth, Stamp::MAX)?;
+    Ok(pairs)
 }
 
-fn give(log: &Log, message: &LogMessage, side: Side, pairs: &mut Pairs) -> Result<(), EvalError> {
+/// The label images of a recording's topics with this name, in the order of the log.
+fn images(log: &Log, name: &str) -> Result<impl Iterator<Item = Result<TimedImage, EvalError>>, EvalError> {
+    let topics = Some(image_topics(log, name)?);
+    let cursor = log.cursor(CursorOptions { topics, ..CursorOptions::default() });
+    Ok(cursor.map(move |message| timed_image(log, &message?)))
+}
+
+fn timed_image(log: &Log, message: &LogMessage) -> Result<TimedImage, EvalError> {
     let topic =
         log.info().topic(message.topic).ok_or_else(|| EvalError::nothing("a message has no topic"))?;
     let converted = canonical(&topic.schema, &message.data).transpose();
@@ -244,7 +263,7 @@ fn give(log: &Log, message: &LogMessage, side: Side, pairs: &mut Pairs) -> Resul
     let no_image = || EvalError::nothing(format!("a message of {} is no image", topic.name));
     let converted = converted.ok_or_else(no_image)?;
     let image: RawImage = converted.to().ok_or_else(no_image)?;
-    pairs.add(side, &image, acquisition_time(&converted, message.publish_time, message.log_time))
+    Ok((acquisition_time(&converted, message.publish_time, message.log_time), image))
 }
 
 /// Runs a stack to its end and adds its label images, and the ground truth labels of the run or of the recording, to
@@ -267,11 +286,13 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
     let judged = named(&judged_name)
         .ok_or_else(|| EvalError::refused(format!("the stack has no buffer {judged_name}")))?;
     let truth = named(job.truth_topic);
-    if truth.is_none() {
-        let log =
-            log.ok_or_else(|| EvalError::refused(format!("the stack has no buffer {}", job.truth_topic)))?;
-        read_truth(log, image_topics(log, job.truth_topic)?, pairs)?;
-    }
+    let mut recorded_truth = match (&truth, log) {
+        (Some(_), _) => None,
+        (None, Some(log)) => Some(images(log, job.truth_topic)?.peekable()),
+        (None, None) => {
+            return Err(EvalError::refused(format!("the stack has no buffer {}", job.truth_topic)));
+        }
+    };
     run.begin()?;
     let until = until_s.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
     let end = [run.horizon(), until].into_iter().flatten().min().unwrap_or(Stamp(0));
@@ -296,8 +317,10 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
             let image = image.ok_or_else(|| {
                 EvalError::nothing(format!("{} does not hold images of labels", buffer.name()))
             })?;
-            let header = &sample.header;
-            let time = acquisition_time(&sample.message, header.acq_time, header.log_time);
+            let time = sample.header.acq_time;
+            if let Some(recorded_truth) = &mut recorded_truth {
+                pairs.add_truth(recorded_truth, time)?;
+            }
             pairs.add(side, &image, time)?;
             if side == Side::Judged
                 && let Some(Happened::Cycle(process)) = happened
@@ -305,6 +328,9 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
                 times_ms.push(took_ms + computing_ms.remove(&process).unwrap_or(0.0));
             }
         }
+    }
+    if let Some(recorded_truth) = &mut recorded_truth {
+        pairs.add_truth(recorded_truth, Stamp::MAX)?;
     }
     Ok(times_ms)
 }
@@ -314,11 +340,13 @@ mod tests {
     use super::*;
     use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 
+    const JOB: Job<'static> = Job { truth_topic: "/truth", topic: Some("/classes"), tolerance_s: 0.005 };
+
     /// A label image of two pixels: its side, its stamp and its log time in milliseconds, and its labels.
     type Image = (Side, u64, u64, [u8; 2]);
 
-    /// The report on a recording of these images, in this order.
-    fn report(images: &[Image]) -> ClassReport {
+    /// A recording of these images, in this order.
+    fn log_of(images: &[Image]) -> Log {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("labels.mcap");
         let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
@@ -339,8 +367,12 @@ mod tests {
             writer.write(channels[side as usize], header, &AnyMessage::new(image).bytes()).unwrap();
         }
         writer.finish().unwrap();
-        let job = Job { truth_topic: "/truth", topic: Some("/classes"), tolerance_s: 0.005 };
-        recording(&job, &Log::open(&path).unwrap()).unwrap()
+        Log::from_bytes(std::fs::read(&path).unwrap().into()).unwrap()
+    }
+
+    /// The report on a recording of these images, in this order.
+    fn report(images: &[Image]) -> ClassReport {
+        recording(&JOB, &log_of(images)).unwrap()
     }
 
     /// Compared images, those without a counterpart, and the intersection over union of ground.
@@ -365,6 +397,26 @@ mod tests {
         let truth = (1..=100).map(|i| (Side::Truth, 100 * i, 20_000 + i, [1, 2]));
         let images: Vec<Image> = judged.chain(truth).collect();
         assert_eq!(figures(&report(&images)), (100, 0, Some(1.0)));
+    }
+
+    #[test]
+    fn few_label_images_wait_however_long_the_recording_is() {
+        let truth = (1..=1000).map(|i| (Side::Truth, 10 * i, 10 * i, [1, 2]));
+        let judged = (1..=10).map(|i| (Side::Judged, 1000 * i, 1000 * i, [1, 2]));
+        let images: Vec<Image> = truth.chain(judged).collect();
+        let pairs = recorded_pairs(&JOB, &log_of(&images)).unwrap();
+        assert_eq!(pairs.matched, 10);
+        assert!(pairs.waiting.iter().all(|side| side.len() <= WAITING));
+    }
+
+    #[test]
+    fn of_several_true_images_within_the_tolerance_the_nearest_counts() {
+        let images = [
+            (Side::Truth, 1000, 1000, [2, 1]),
+            (Side::Truth, 1004, 1004, [1, 2]),
+            (Side::Judged, 1003, 1003, [1, 2]),
+        ];
+        assert_eq!(figures(&report(&images)), (1, 0, Some(1.0)));
     }
 
     #[test]

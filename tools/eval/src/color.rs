@@ -61,6 +61,7 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
     let settings =
         Settings { fusion_frames: 0, learning_period_ns: 0, min_sample_px: 1, ..Settings::default() };
     let mut engine = Engine::new(apriori(job, settings.samples)?);
+    check_ground_ids(job)?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut confusion, mut times_ms) = (Confusion::default(), Vec::new());
     let mut found = BTreeSet::<u16>::new();
@@ -92,8 +93,8 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
             costs.ok_or_else(|| EvalError::nothing(format!("no ground sample in {}", path.display())))?;
         count(&costs, &ids, size, job, &mut confusion);
     }
-    if let Some(absent) = job.ground_ids.iter().find(|id| !found.contains(*id)) {
-        return Err(EvalError::refused(no_such_id(*absent, &found)));
+    for absent in job.ground_ids.iter().filter(|id| !found.contains(*id)) {
+        tracing::warn!("no label image has the ground id {absent}");
     }
     if confusion.total() == 0 {
         return Err(EvalError::nothing("all pixels of the label images have ignored ids"));
@@ -101,13 +102,25 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
     Ok(ClassReport::new(&confusion, job.images.len() as u64, 0, times_ms))
 }
 
-/// What is said of a ground id that no label image has.
-fn no_such_id(id: u16, found: &BTreeSet<u16>) -> String {
-    let mut ids: Vec<String> = found.iter().take(MOST_IDS).map(u16::to_string).collect();
-    if found.len() > MOST_IDS {
-        ids.push("…".to_owned());
+/// Refuses label images of which none has a ground id. Reads them up to the first one that has.
+fn check_ground_ids(job: &Job<'_>) -> Result<(), EvalError> {
+    let mut found = BTreeSet::<u16>::new();
+    for (path, labels) in job.images.iter().zip(job.labels) {
+        let (width, height) = image::image_dimensions(path).map_err(|error| EvalError::read(path, error))?;
+        found.extend(ids(labels, [width as usize, height as usize])?);
+        if job.ground_ids.iter().any(|id| found.contains(id)) {
+            return Ok(());
+        }
     }
-    format!("no label image has the ground id {id}, expected one of {}", ids.join(", "))
+    let more = if found.len() > MOST_IDS { ", …" } else { "" };
+    let (got, expected) = (listed(job.ground_ids), listed(found.iter().take(MOST_IDS)));
+    Err(EvalError::refused(format!(
+        "no label image has one of the ground ids {got}; expected one of {expected}{more}"
+    )))
+}
+
+fn listed<'a>(ids: impl IntoIterator<Item = &'a u16>) -> String {
+    ids.into_iter().map(u16::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn count(

@@ -26,12 +26,13 @@ pub struct Snapshot {
     pub(crate) events: u64,
     order: u64,
     timing_due: Stamp,
-    /// Sorted: the same moment gives the same bytes, however it was reached.
+    /// Sorted, so that its order does not depend on the way to this moment.
     queue: Vec<Event>,
     buffers: Vec<BufferState>,
     /// Each with its change count: see [`Stepped::snapshot_sharing`].
     nodes: Vec<(u64, Arc<NodeState>)>,
-    /// The measured times of the nodes since the start of the run. Nothing that a process computes depends on them.
+    /// The measured times of the nodes since the start of the run. Nothing that a process computes depends on them; they
+    /// alone make the bytes of two runs differ.
     times: Vec<CycleTimes>,
     position: Option<Position>,
     tallies: Option<Vec<Tally>>,

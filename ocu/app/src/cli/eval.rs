@@ -76,7 +76,7 @@ pub struct EvalStereoArgs {
                         trapezoid whose colours differ from all models becomes a model at once, up to 5. There is \
                         no fusion over time: images of one's own need not be a sequence.\n\n\
                         Counted is every pixel of the label images but those with an ignored id. Ground is what has \
-                        one of the ground ids, each of which must occur, everything else is obstacle. A pixel is \
+                        one of the ground ids, everything else is obstacle; at least one of the ids must occur. A pixel is \
                         called what its pixel of the 128x96 image is called. One that no model knows is unclassified: it is missed by both \
                         classes, and counts in unclassified_pct. IoU is intersection over union, f1 is that of \
                         ground; null where nothing is of the class or called so. ms_median is the time to learn from and to \

@@ -17,7 +17,7 @@ pub enum StackCommand {
     /// Report everything that a run would refuse, and warn of probable mistakes
     #[command(after_help = "Example:\n  ocu stack check my_stack.toml --log drive.mcap\n\n\
                             Exit codes: 0 a run would accept the stack, 1 a run would refuse it, 2 the stack or the \
-                            recording cannot be opened.")]
+                            recording cannot be opened, 3 a run would accept the stack, but the recording is damaged.")]
     Check(StackCheckArgs),
 }
 

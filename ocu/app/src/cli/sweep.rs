@@ -14,7 +14,7 @@ use std::path::PathBuf;
                         --param wm1.sources[0].weight=0.2,0.4,0.8\n\n\
                         Each line of the table can be repeated with ocu run, its parameters and its seed: the hash is \
                         the same. Exit codes: 0 every run came to its end, whatever its outcome; 1 one could not; \
-                        3 the recording is damaged.")]
+                        2 the sweep was refused, or a file cannot be opened; 3 the recording is damaged.")]
 pub struct SweepArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK")]

@@ -22,7 +22,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Latest time of an action, s.
-const LATEST_S: f64 = 1e6;
+pub(super) const LATEST_S: f64 = 1e6;
 /// Shortest period of an action, s.
 const SHORTEST_S: f64 = 1e-3;
 
@@ -88,6 +88,11 @@ pub(super) fn fault_name(change: &rcs::Override) -> String {
 /// The name of a kind of fault in a file and on the command line.
 pub(super) fn kind_name(kind: Kind) -> String {
     kind.as_str_name().to_lowercase()
+}
+
+/// Seconds in nanoseconds; `None` unless they are between 0 and [`LATEST_S`].
+pub(super) fn seconds_ns(seconds: f64) -> Option<u64> {
+    (0.0..=LATEST_S).contains(&seconds).then(|| (seconds * 1e9).round() as u64)
 }
 
 /// An entry of the file.
@@ -193,9 +198,8 @@ pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
     for (number, entry) in entries.into_iter().enumerate() {
         let refused = |text: String| format!("act {}: {text}", number + 1);
         let seconds = |value: f64, what: &str| {
-            let good = value.is_finite() && (0.0..=LATEST_S).contains(&value);
-            good.then(|| (value * 1e9).round() as u64)
-                .ok_or_else(|| refused(format!("{what} is {value}; expected seconds from 0 to 1e6")))
+            let expected = || refused(format!("{what} is {value}; expected seconds from 0 to {LATEST_S:e}"));
+            seconds_ns(value).ok_or_else(expected)
         };
         let (message, fields) = message(&entry, plan).map_err(refused)?;
         let event = ExternalEvent::operator(entry.buffer.as_str(), message);

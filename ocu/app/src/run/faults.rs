@@ -3,7 +3,7 @@
 //! Each one becomes two acts of the operator, its begin and its end, which the run journals. The end of a fault ends all of
 //! its kind and target, so that two of these may not overlap.
 
-use super::acts::{Act, fault_name, kind_name};
+use super::acts::{Act, LATEST_S, fault_name, kind_name, seconds_ns};
 use crate::assets::read_text;
 use crate::usage;
 use ocu_ui::format;
@@ -127,9 +127,8 @@ impl Entry {
             return Err(format!("the stack has no {}{}", self.process, self.buffer));
         }
         let at_ns = |seconds: f64| {
-            let good = seconds.is_finite() && (0.0..=1e6).contains(&seconds);
-            good.then(|| (seconds * 1e9).round() as u64)
-                .ok_or_else(|| format!("its time is {seconds} s; expected 0 to 1e6"))
+            let refused = || format!("its time is {seconds} s; expected 0 to {LATEST_S:e}");
+            seconds_ns(seconds).ok_or_else(refused)
         };
         let (from_ns, to_ns) = (at_ns(self.from_s)?, self.to_s.map(at_ns).transpose()?);
         if to_ns.is_some_and(|to_ns| to_ns <= from_ns) {
@@ -153,7 +152,7 @@ impl Entry {
             }),
             ..rcs::Override::default()
         };
-        Ok(Some(Fault { kind, request, from_ns, to_ns }))
+        Ok(Some(Fault { request, from_ns, to_ns }))
     }
 
     /// Refuses values that a fault of its kind does not have, and a share of messages that is told twice or cannot be.
@@ -179,7 +178,6 @@ impl Entry {
 /// A fault that fits the stack, with its begin and end in nanoseconds from the start of the run; without an end, it lasts
 /// as long as the run.
 struct Fault {
-    kind: Kind,
     /// What begins it.
     request: rcs::Override,
     from_ns: u64,
@@ -188,9 +186,9 @@ struct Fault {
 
 impl Fault {
     /// What the end of a fault names: kind, process, buffer, and the field that is NaN.
-    fn target(&self) -> (Kind, [&str; 3]) {
-        let rcs::Override { process, buffer, path, .. } = &self.request;
-        (self.kind, [process.as_str(), buffer.as_str(), path.as_str()])
+    fn target(&self) -> (Option<Kind>, [&str; 3]) {
+        let rcs::Override { process, buffer, path, fault, .. } = &self.request;
+        (fault.as_ref().map(rcs::Fault::kind), [process.as_str(), buffer.as_str(), path.as_str()])
     }
 
     /// Whether both are of one kind and target and in force at one time, so that the end of one would end the other.

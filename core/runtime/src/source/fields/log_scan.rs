@@ -299,6 +299,21 @@ mod tests {
     }
 
     #[test]
+    fn all_states_of_an_enum_are_known_although_the_log_has_only_one_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = log_of(&folder.path().join("states.mcap"), 10, 1);
+        let field = FieldRef { topic: "/a".to_owned(), path: "state".parse().unwrap() };
+        let field = std::slice::from_ref(&field);
+        let mut fields = LogFields::default();
+        fields.gather(&log, field, |name| alike(log.info().topics_named(name), &Reassembly::new(&log)));
+        let plotted = fields.read().next().unwrap();
+        let exported = read_fields(&log, field, log.info().start..=log.info().end).remove(0);
+        for series in [plotted, exported] {
+            assert_eq!(series.states[..], ["UNINITIALIZED", "EXEC", "DONE", "ERROR"]);
+        }
+    }
+
+    #[test]
     fn reading_ends_when_none_of_its_fields_is_wanted_any_more() {
         let folder = tempfile::tempdir().unwrap();
         let log = log(&folder.path().join("fields.mcap"));
