@@ -269,12 +269,29 @@ impl<'t> Table<'t> {
         key: &'static str,
         least: usize,
     ) -> Result<Option<Vec<DVec2>>, SceneError> {
+        let expected = format!("expected a list of at least {least} places [x, y] in metres");
+        self.list_of_points(key, &expected, |count| count >= least)
+    }
+
+    /// Two required positions, m.
+    pub(crate) fn need_two_points(&mut self, key: &'static str) -> Result<[DVec2; 2], SceneError> {
+        let expected = "expected the two corners [[x, y], [x, y]] in metres";
+        let points = self.list_of_points(key, expected, |count| count == 2)?;
+        match points.as_deref() {
+            Some([first, second]) => Ok([*first, *second]),
+            _ => Err(self.error(key, expected)),
+        }
+    }
+
+    fn list_of_points(
+        &mut self,
+        key: &'static str,
+        expected: &str,
+        is_count: impl Fn(usize) -> bool,
+    ) -> Result<Option<Vec<DVec2>>, SceneError> {
         let Some(value) = self.take(key) else { return Ok(None) };
-        let list = value.get_ref().as_array().filter(|list| list.len() >= least);
-        let Some(list) = list else {
-            return Err(
-                self.error(key, format!("expected a list of at least {least} places [x, y] in metres"))
-            );
+        let Some(list) = value.get_ref().as_array().filter(|list| is_count(list.len())) else {
+            return Err(self.error(key, expected));
         };
         let point = |value: &Spanned<DeValue<'_>>| {
             self.numbers_in::<2>(key, value.get_ref(), &COORDINATE_M).map(DVec2::from_array)

@@ -256,11 +256,8 @@ impl WorldSpec {
 }
 
 fn read_bounds(file: &mut Table<'_>) -> Result<[DVec2; 2], SceneError> {
-    let corners = file.points("bounds_m", 2)?;
-    let Some([low, high]) = corners.as_deref() else {
-        return Err(file.error("bounds_m", "expected the two corners [[x, y], [x, y]] in metres"));
-    };
-    let size = *high - *low;
+    let [low, high] = file.need_two_points("bounds_m")?;
+    let size = high - low;
     if size.min_element() < 10.0 || size.max_element() > MAX_SIDE_M {
         let message = format!(
             "got {} m by {} m, expected sides from 10 to {MAX_SIDE_M} m, the lower left corner first",
@@ -268,7 +265,7 @@ fn read_bounds(file: &mut Table<'_>) -> Result<[DVec2; 2], SceneError> {
         );
         return Err(file.error("bounds_m", message));
     }
-    Ok([*low, *high])
+    Ok([low, high])
 }
 
 fn read_origin(file: &mut Table<'_>) -> Result<Utm, SceneError> {

@@ -57,6 +57,10 @@ fn bad_worlds_are_refused_with_line_and_key() {
     refused("seed = ", 4, "", "");
     let no_bounds = World::from_toml("name = \"x\"\n").unwrap_err();
     assert_eq!(no_bounds.key, "bounds_m");
+    for corners in ["3", "[[0, 0]]", "[[0, 0], [40, 30], [0, 30]]"] {
+        let error = World::from_toml(&PLAIN.replace("[[0, 0], [40, 30]]", corners)).unwrap_err();
+        assert_eq!(error.message, "expected the two corners [[x, y], [x, y]] in metres", "{corners}");
+    }
     let huge = World::from_toml(&PLAIN.replace("40, 30", "4000, 30")).unwrap_err();
     assert_eq!((huge.line, huge.key.as_str()), (2, "bounds_m"));
 }

@@ -63,6 +63,8 @@ fn the_size_of_everything_is_changed_by_commands_that_are_found_by_their_names()
         harness.run_steps(3);
         assert!((harness.ctx.zoom_factor() - zoom).abs() < 1e-3, "{name}");
     }
+    let zooms_besides = harness.ctx.options(|options| options.zoom_with_keyboard);
+    assert!(!zooms_besides, "only the keys of the commands zoom");
 }
 
 #[test]

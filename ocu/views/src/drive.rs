@@ -4,7 +4,7 @@
 //! the vehicle is stopped, and the results of the referee.
 
 use crate::operator::{self, DriveLimits, DriveSettings, Hand, Inputs};
-use crate::view::{View, ViewContext, rate_hz};
+use crate::view::{View, ViewContext, is_old, rate_hz};
 use egui::{
     Color32, CornerRadius, FontId, Rect, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
 };
@@ -47,8 +47,8 @@ impl View for Drive {
                 ui.vertical(|ui| {
                     ui.set_width(3.0 * KEY + 2.0 * GAP + 8.0);
                     if let Some(teleop) = &inputs.teleop {
-                        let is_stopped = is_stopped(cx.frame, &inputs);
-                        pad(ui, cx, teleop, is_stopped);
+                        let stopped = stopped(cx.frame, &inputs);
+                        pad(ui, cx, teleop, stopped);
                     }
                 });
                 ui.vertical(|ui| {
@@ -67,17 +67,28 @@ impl View for Drive {
     }
 }
 
-/// Whether the vehicle obeys an emergency stop, or the operator has sent one.
-fn is_stopped(frame: &Frame, inputs: &Inputs) -> bool {
+/// What the operator is told while the vehicle obeys an emergency stop, or the operator has sent one; `None` while nothing is
+/// stopped. The top bar has no *Release* before the vehicle confirms the stop.
+fn stopped(frame: &Frame, inputs: &Inputs) -> Option<&'static str> {
     let buffer = inputs.emergency_stop.as_deref();
     let sent = buffer.and_then(|buffer| frame.topic(buffer)?.get::<rcs::EmergencyStop>());
-    sent.is_some_and(|stop| stop.active)
-        || operator::vehicle(frame).is_some_and(|(_, status)| status.emergency_stopped)
+    let obeying = operator::vehicle(frame).filter(|(_, status)| status.emergency_stopped);
+    if obeying.is_none() && sent.is_none_or(|stop| !stop.active) {
+        return None;
+    }
+    let is_confirmed = obeying.is_some_and(|(topic, _)| !is_old(topic, frame.now));
+    Some(match (is_confirmed, buffer) {
+        (true, Some(_)) => {
+            "Emergency stop: let go of the keys, and press Release at the upper right to drive."
+        }
+        (true, None) => "Emergency stop: the controls do not drive, and it cannot be released from here.",
+        (false, _) => "Emergency stop: the controls do not drive, and the vehicle has not confirmed it.",
+    })
 }
 
 /// Four buttons that drive while they are pressed, highlighted for the current command, and the speed settings. None of
-/// them drives while time or the vehicle is stopped.
-fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str, is_stopped: bool) {
+/// them drives while time or the vehicle is stopped; `stopped` is what is told of the vehicle then.
+fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str, stopped: Option<&str>) {
     let playing = cx.frame.playback.playing;
     let command = commanded(cx.frame, teleop);
     let [speed, turn] =
@@ -92,7 +103,7 @@ fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str, is_stopped: bool) {
     for (icon, letter, name, place, push, lit) in keys {
         let min = area.min + Vec2::from(place) * (KEY + GAP);
         let place = Rect::from_min_size(min, Vec2::splat(KEY));
-        if key(ui, place, icon, letter, name, lit, playing && !is_stopped) {
+        if key(ui, place, icon, letter, name, lit, playing && stopped.is_none()) {
             cx.selection.hand = cx.selection.hand.with(push);
         }
     }
@@ -101,8 +112,7 @@ fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str, is_stopped: bool) {
     let note = |ui: &mut Ui, text: &str, color: Color32| {
         ui.add(egui::Label::new(egui::RichText::new(text).small().color(color)).wrap());
     };
-    if playing && is_stopped {
-        let text = "Emergency stop: let go of the keys, and press Release at the upper right to drive.";
+    if let Some(text) = stopped.filter(|_| playing) {
         note(ui, text, tokens(ui).warning);
     } else if cx.selection.let_go_first && playing {
         note(ui, "Let go of the controls first: nothing drives until they are neutral.", tokens(ui).warning);

@@ -135,8 +135,24 @@ impl Kind {
         assert!(with.is_ok() && with == without, "{at}: {key} is not {default} without it: {with:?}");
     }
 
+    /// The sections of the page. Fails where the reader knows a table that has none.
+    pub(super) fn sections(&self, sections: &[Section]) -> String {
+        let text: String = sections.iter().map(|section| self.section(section)).collect();
+        for Section { at, keys, .. } in sections {
+            for (key, ..) in keys.iter().copied().flatten() {
+                let is_table = ["table", "list of tables"].contains(&self.value(at, key).as_str());
+                let path = if at.is_empty() { (*key).to_owned() } else { format!("{at}.{key}") };
+                // Of tables with names of any kind, the page has one.
+                let below = format!("{path}.");
+                let has_section = sections.iter().any(|it| it.at == path || it.at.starts_with(&below));
+                assert!(!is_table || has_section, "{path} has no section");
+            }
+        }
+        text
+    }
+
     /// A section of the page. Fails where the reader knows other keys than those of the section.
-    pub(super) fn section(&self, section: &Section) -> String {
+    fn section(&self, section: &Section) -> String {
         let Section { heading, at, keys, besides } = section;
         let keys: Vec<&Key> = keys.iter().copied().flatten().collect();
         let stated: BTreeSet<String> = keys.iter().map(|(key, ..)| (*key).to_owned()).collect();
@@ -181,8 +197,11 @@ mod tests {
         if !part.get("name").is_some_and(Value::is_str) {
             return Err("name is wrong, expected a text".to_owned());
         }
-        match part.keys().find(|key| !["name", "size_m"].contains(&key.as_str())) {
-            Some(key) => Err(format!("{key} is unknown, expected one of name, size_m")),
+        if let Some(key) = part.keys().find(|key| !["name", "size_m"].contains(&key.as_str())) {
+            return Err(format!("{key} is unknown, expected one of name, size_m"));
+        }
+        match file.keys().find(|key| *key != "part") {
+            Some(key) => Err(format!("{key} is unknown, expected one of part")),
             None => Ok(size.to_string()),
         }
     }
@@ -213,6 +232,13 @@ mod tests {
     #[should_panic(expected = "keys of the page and of the reader: [[part]]")]
     fn a_key_that_the_reader_does_not_know_is_found() {
         section(&[&[NAME, SIZE, ("length_m", "", "Length.")]]);
+    }
+
+    #[test]
+    #[should_panic(expected = "part has no section")]
+    fn a_table_that_the_page_lacks_is_found() {
+        let top = Section { heading: "", at: "", keys: &[&[("part", "", "Parts.")]], besides: &[] };
+        KIND.sections(&[top]);
     }
 
     #[test]

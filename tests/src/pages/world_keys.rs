@@ -1,7 +1,7 @@
 //! The keys of course, world and look files, as `docs/reference/worlds.md` states them.
 
 use super::asked::{Key, Kind, Section};
-use rcs_geom::Utm;
+use rcs_geom::{DVec2, Utm};
 use rcs_planner::zones::Zones;
 use rcs_scene::{Course, Look, World};
 
@@ -23,11 +23,13 @@ pub(super) const COURSE: Kind = Kind {
     "#,
 };
 
-/// Of a world, origin and bounds can be compared; `worlds.rs` finds the defaults of its numbers in the source.
+/// Of a world, the ground along a line through everything in the sample and the things are compared; `worlds.rs` finds the
+/// defaults of numbers that change neither in the source.
 pub(super) const WORLD: Kind = Kind {
     read: |text| {
-        let world = World::check(text).map_err(|error| error.to_string())?;
-        Ok(format!("{world:?}"))
+        let world = World::from_toml(text).map_err(|error| error.to_string())?;
+        let ground: Vec<_> = (0..30).map(|m| world.ground(DVec2::splat(f64::from(m)))).collect();
+        Ok(format!("{:?} {:?} {ground:?} {:?}", world.origin(), world.bounds_m(), world.things()))
     },
     sample: r#"
         name = "meadow"
@@ -73,7 +75,7 @@ pub(super) const COURSE_SECTIONS: [Section; 3] = [
             ("name", "", "Name in reports."),
             ("description", "\"\"", "One sentence."),
             ("world", "", "The world: name or path of its file."),
-            ("vehicle", "", "The vehicle: name or path of its file."),
+            ("vehicle", "that of the stack, if it names one", "The vehicle: name or path of its file."),
             (
                 "look",
                 "that of the world",

@@ -1,7 +1,7 @@
 //! `docs/reference/worlds.md`: every key of course, world, look and vehicle files. Values, ranges and what is required
 //! come from the readers, which are asked; names, defaults and meanings are compared with them.
 
-use super::asked::{Kind, Section, names};
+use super::asked::names;
 use super::declarations::{Item, snake, variants};
 use super::vehicle_keys::{VEHICLE, VEHICLE_SECTIONS};
 use super::world_keys::{COURSE, COURSE_SECTIONS, LOOK, LOOK_SECTIONS, SIZES, WORLD, WORLD_SECTIONS};
@@ -11,10 +11,6 @@ use rcs_scene::{Surface, ThingKind, World};
 use std::collections::BTreeSet;
 
 const CLASSES: &str = "core/scene/src/class.rs";
-
-fn sections(kind: &Kind, sections: &[Section]) -> String {
-    sections.iter().map(|section| kind.section(section)).collect::<Vec<_>>().concat()
-}
 
 /// A table of the surfaces with their properties in a world that states none, from a world that has all of them.
 fn surfaces() -> String {
@@ -110,10 +106,10 @@ fn the_reference_of_worlds_is_made_from_what_reads_them() {
          ## Courses\n\n\
          `ocu --course NAME` opens a bundled course, or the file of that path; `assets/courses` has examples. Of a \
          goal file, the planning reads `goal`, `area` and `keep_out` alone.\n\n",
-        &sections(&COURSE, &COURSE_SECTIONS),
+        &COURSE.sections(&COURSE_SECTIONS),
         "## Worlds\n\nA course names its world; `assets/worlds` has examples. Angles are degrees counter-clockwise from \
          east, and z is up. A region is one of `polygon`, `path` with `width_m`, and `circle`.\n\n",
-        &sections(&WORLD, &WORLD_SECTIONS),
+        &WORLD.sections(&WORLD_SECTIONS),
         "### Surfaces\n\nDefaults of the properties that influence driving; the limit of slip of the vehicle counts where \
          it is larger.\n\n",
         &surfaces(),
@@ -126,10 +122,12 @@ fn the_reference_of_worlds_is_made_from_what_reads_them() {
          stays as in the world. A look changes nothing that a vehicle touches and no ground truth. Coats are ",
         &names(coats.iter().map(String::as_str)),
         ".\n\n",
-        &sections(&LOOK, &LOOK_SECTIONS),
+        &LOOK.sections(&LOOK_SECTIONS),
         "## Vehicles\n\nA course names its vehicle; `assets/vehicles` has examples. The origin of the vehicle frame is on \
-         the ground midway between the driven wheels; x is forward, y left, z up.\n\n",
-        &sections(&VEHICLE, &VEHICLE_SECTIONS),
+         the ground midway between the driven wheels; x is forward, y left, z up. The frame of a sensor has its `name`; \
+         that of a camera is `NAME_camera`, and those of a pair are `NAME_left_camera` and `NAME_right_camera`. No two \
+         frames of a vehicle may be the same, and `vehicle`, `imu` and `gps` are taken.\n\n",
+        &VEHICLE.sections(&VEHICLE_SECTIONS),
     ]
     .concat();
     check_reference("worlds", &format!("{}\n", text.trim_end()));
@@ -140,6 +138,15 @@ fn surfaces_have_the_same_names_in_worlds_and_looks_and_on_the_page() {
     let surfaces = BTreeSet::from(Surface::ALL.map(|surface| surface.name().to_owned()));
     assert_eq!(WORLD.known("surface", |_| {}), surfaces);
     assert_eq!(LOOK.known("surface", |_| {}), surfaces);
+}
+
+#[test]
+fn a_world_with_another_seed_or_base_reads_differently() {
+    let read = |line: &str| (WORLD.read)(&format!("{line}\n{}", WORLD.sample)).unwrap();
+    for (key, default, other) in [("seed", "0", "1"), ("base", "\"short_grass\"", "\"mulch\"")] {
+        let [default, other] = [default, other].map(|value| read(&format!("{key} = {value}")));
+        assert!(default == read("") && other != default, "{key}");
+    }
 }
 
 #[test]

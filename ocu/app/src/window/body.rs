@@ -133,6 +133,8 @@ impl Window {
     /// A window that starts to open the source in `options`. `ocu_ui::install` must have been called on the context.
     pub fn new(ctx: &egui::Context, options: Options) -> Self {
         let Options { request, layout, data_dir } = options;
+        // Only the commands zoom, by the keys that the user gives them.
+        ctx.options_mut(|options| options.zoom_with_keyboard = false);
         let (keymap, wrong_keys) = Keymap::load(data_dir.as_ref().map(|dir| dir.join("keys.ron")));
         let mut window = Self {
             ctx: ctx.clone(),

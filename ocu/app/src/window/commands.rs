@@ -109,10 +109,13 @@ pub(super) struct Entry {
     pub(super) keys: &'static [Shortcut],
 }
 
-/// A key with its modifiers: `key!(SHIFT ArrowLeft)`.
+/// A key with its modifiers, one or two: `key!(SHIFT ArrowLeft)`.
 macro_rules! key {
     ($modifiers:ident $key:ident) => {
         Shortcut { modifiers: Modifiers::$modifiers, key: Key::$key }
+    };
+    ($first:ident $second:ident $key:ident) => {
+        Shortcut { modifiers: Modifiers::$first.plus(Modifiers::$second), key: Key::$key }
     };
 }
 
@@ -241,14 +244,14 @@ pub(super) const COMMANDS: &[Entry] = {
         entry(C::FittingLayout, "fitting_layout", "The layout that fits the source", Window, N::Source, &[]),
         entry(C::ResetLayout, "reset_layout", "Reset the layout to how it comes", Window, N::Nothing, &[]),
         entry(C::Theme, "theme", "Dark or light colours", Window, N::Nothing, &[]),
-        // Where the plus needs shift, egui does the same.
+        // On an English keyboard, `=` is the key of `+`, which needs shift.
         entry(
             C::Larger,
             "larger",
             "Larger (zoom of the window)",
             Window,
             N::Nothing,
-            &[key!(COMMAND Plus), key!(COMMAND Equals)],
+            &[key!(COMMAND Plus), key!(COMMAND SHIFT Plus), key!(COMMAND Equals)],
         ),
         entry(
             C::Smaller,

@@ -157,7 +157,11 @@ impl Keymap {
                 }
                 let repeats = matches!(
                     entry.command,
-                    Command::Step { .. } | Command::StepCycle { .. } | Command::StepSecond { .. }
+                    Command::Step { .. }
+                        | Command::StepCycle { .. }
+                        | Command::StepSecond { .. }
+                        | Command::Larger
+                        | Command::Smaller
                 );
                 if !repeat || repeats {
                     commands.push(entry.command);
@@ -187,6 +191,18 @@ mod tests {
     use super::super::commands::entry_of;
     use super::*;
     use egui::Modifiers;
+
+    /// The commands of a pass with one event.
+    fn commands_of(ctx: &egui::Context, keymap: &mut Keymap, event: Event) -> Vec<Command> {
+        let input = egui::RawInput { events: vec![event], ..egui::RawInput::default() };
+        let mut commands = Vec::new();
+        let output = ctx.run_ui(input, |ui| {
+            keymap.mark_repeats(ui.ctx());
+            commands.extend(keymap.pressed(ui.ctx(), false));
+        });
+        output.drop_without_applying_deltas();
+        commands
+    }
 
     #[test]
     fn changed_keys_survive_a_restart_and_the_old_owner_loses_its_key() {
@@ -236,19 +252,28 @@ mod tests {
         let mut commands = |key, pressed, modifiers| {
             let physical_key = Some(Key::Slash);
             let event = Event::Key { key, physical_key, pressed, repeat: false, modifiers };
-            let input = egui::RawInput { events: vec![event], ..egui::RawInput::default() };
-            let mut commands = Vec::new();
-            let output = ctx.run_ui(input, |ui| {
-                keymap.mark_repeats(ui.ctx());
-                commands.extend(keymap.pressed(ui.ctx(), false));
-            });
-            output.drop_without_applying_deltas();
-            commands
+            commands_of(&ctx, &mut keymap, event)
         };
         for _ in 0..2 {
             assert_eq!(commands(Key::Questionmark, true, Modifiers::SHIFT), [Command::Keys]);
             assert!(commands(Key::Questionmark, true, Modifiers::SHIFT).is_empty(), "it is held");
             assert!(commands(Key::Slash, false, Modifiers::NONE).is_empty(), "it is released");
+        }
+    }
+
+    #[test]
+    fn a_held_key_of_the_size_acts_again_and_plus_acts_also_where_it_needs_shift() {
+        let (ctx, mut keymap) = (egui::Context::default(), Keymap::default());
+        for (key, modifiers, command) in [
+            (Key::Plus, Modifiers::COMMAND, Command::Larger),
+            (Key::Plus, Modifiers::COMMAND | Modifiers::SHIFT, Command::Larger),
+            (Key::Equals, Modifiers::COMMAND, Command::Larger),
+            (Key::Minus, Modifiers::COMMAND, Command::Smaller),
+        ] {
+            let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
+            for _ in 0..2 {
+                assert_eq!(commands_of(&ctx, &mut keymap, event.clone()), [command], "{key:?}");
+            }
         }
     }
 

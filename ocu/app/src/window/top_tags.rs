@@ -169,7 +169,10 @@ pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
     let count = |state: ProcessState| states.iter().filter(|&&known| known == Some(state)).count();
     let all = states.len();
     let (errors, done) = (count(ProcessState::Error), count(ProcessState::Done));
-    let silent_count = silent.iter().flatten().count();
+    // One that said that it has failed before it fell silent counts as failed only.
+    let with_ages = states.iter().zip(&silent);
+    let silent_count =
+        with_ages.filter(|(state, age_s)| age_s.is_some() && **state != Some(ProcessState::Error)).count();
     let (text, color) = if errors > 0 && silent_count > 0 {
         (format!("{errors} of {all} ERROR, {silent_count} NO STATUS"), tokens.error)
     } else if errors > 0 {
@@ -244,9 +247,12 @@ mod tests {
     fn a_process_without_status_is_counted_beside_one_that_has_failed() {
         let (error, exec) = (("failed", ProcessState::Error, 0), ("works", ProcessState::Exec, 0));
         let silent = ("silent", ProcessState::Exec, 30);
+        let failed_and_silent = ("gone", ProcessState::Error, 30);
         for (statuses, text) in [
             (vec![error, silent, exec], "1 of 3 ERROR, 1 NO STATUS"),
             (vec![error, exec], "1 of 2 ERROR"),
+            (vec![failed_and_silent, exec], "1 of 2 ERROR"),
+            (vec![failed_and_silent, silent, exec], "1 of 3 ERROR, 1 NO STATUS"),
             (vec![silent, exec], "1 of 2 NO STATUS"),
         ] {
             let frame = frame(&statuses);

@@ -366,12 +366,13 @@ impl Draft {
         Mission { frame_id: obeyed.frame_id.clone(), area, keep_out, ..Mission::default() }
     }
 
-    /// Why the vehicle would not drive to one of the goals; `None` if nothing is known against them. `obeyed_area` is what
-    /// the vehicle does not leave where the draft has no area.
-    pub(super) fn goal_warning(&self, obeyed_area: Option<&[[f64; 2]]>) -> Option<String> {
-        let area = self.area.as_deref().or(obeyed_area);
+    /// Why the vehicle would not drive to one of the goals; `None` if nothing is known against them. `standing` has the bounds
+    /// that hold also after the draft is sent; an area of the draft takes the place of theirs.
+    pub(super) fn goal_warning(&self, standing: &Bounds) -> Option<String> {
+        let area = self.area.as_ref().or(standing.area.as_ref());
         self.drawn.goals.iter().zip(1..).find_map(|(goal, number)| {
-            if self.drawn.keep_out.iter().any(|zone| is_in_or_near(zone, goal.at, 0.0)) {
+            let mut zones = self.drawn.keep_out.iter().chain(&standing.keep_out);
+            if zones.any(|zone| is_in_or_near(zone, goal.at, 0.0)) {
                 return Some(format!("goal {number} lies in a keep-out zone"));
             }
             let is_outside = area.is_some_and(|area| !is_in_or_near(area, goal.at, 0.0));
@@ -422,7 +423,7 @@ fn distance_m(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// Whether two polygons have the same corners in the same order.
-fn is_same_outline(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
+pub(super) fn is_same_outline(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| distance_m(*a, *b) <= SAME_M)
 }
 

@@ -70,15 +70,20 @@ fn clicks_add_goals_and_corners_and_the_first_corner_closes_the_zone() {
 #[test]
 fn a_goal_in_a_zone_or_outside_of_the_area_is_told_with_its_number() {
     let mut draft = with_a_zone();
-    assert_eq!(draft.goal_warning(None), None);
+    let nothing = Bounds::default();
+    assert_eq!(draft.goal_warning(&nothing), None);
+    let zone = vec![[8.0, -1.0], [10.0, -1.0], [10.0, 1.0], [8.0, 1.0]];
+    let standing = Bounds { area: None, keep_out: vec![zone] };
+    assert_eq!(draft.goal_warning(&standing).as_deref(), Some("goal 1 lies in a keep-out zone"));
     draft.adds = Adds::Goal;
     draft.click([2.0, 2.0], M_PER_POINT);
-    assert_eq!(draft.goal_warning(None).as_deref(), Some("goal 2 lies in a keep-out zone"));
-    let area = [[-1.0, -1.0], [6.0, -1.0], [6.0, 6.0], [-1.0, 6.0]];
+    assert_eq!(draft.goal_warning(&nothing).as_deref(), Some("goal 2 lies in a keep-out zone"));
+    let area = Some(vec![[-1.0, -1.0], [6.0, -1.0], [6.0, 6.0], [-1.0, 6.0]]);
     let told = Some("goal 1 lies outside of the area");
-    assert_eq!(draft.goal_warning(Some(&area)).as_deref(), told);
-    draft.area = Some(area.to_vec());
-    assert_eq!(draft.goal_warning(None).as_deref(), told);
+    let standing = Bounds { area: area.clone(), keep_out: Vec::new() };
+    assert_eq!(draft.goal_warning(&standing).as_deref(), told);
+    draft.area = area;
+    assert_eq!(draft.goal_warning(&nothing).as_deref(), told);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Missions on a map: what a vehicle obeys, and the draft of the operator, which is drawn with the pointer.
 
-use super::draft::{Adds, Bounds, Draft, GOAL_RADIUS, Handle, place};
+use super::draft::{Adds, Bounds, Draft, GOAL_RADIUS, Handle, is_same_outline, place};
 use super::labels::Labels;
 use super::plan::At;
 use super::{Map, layers};
@@ -63,11 +63,15 @@ fn sent_bounds(frame: &Frame, map: &str, buffer: &str) -> Result<Bounds, String>
     let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) else {
         return Ok(Bounds::default());
     };
-    let map_from_sent = map_from_mission(frame, map, sent)?;
+    Ok(bounds_of(sent, map_from_mission(frame, map, sent)?))
+}
+
+/// Area and zones of a mission, on the map.
+fn bounds_of(mission: &Mission, map_from_mission: Pose) -> Bounds {
     let outline =
-        |zone: &PlanePolygon| -> Vec<[f64; 2]> { zone.points.iter().map(place(map_from_sent)).collect() };
-    let keep_out = sent.keep_out.iter().map(outline).collect();
-    Ok(Bounds { area: sent.area.as_ref().map(outline), keep_out })
+        |zone: &PlanePolygon| -> Vec<[f64; 2]> { zone.points.iter().map(place(map_from_mission)).collect() };
+    let keep_out = mission.keep_out.iter().map(outline).collect();
+    Bounds { area: mission.area.as_ref().map(outline), keep_out }
 }
 
 /// The draft that begins with the goals that the vehicle has not reached, and with area and zones that the operator has
@@ -99,10 +103,14 @@ fn obeyed<'a>(frame: &'a Frame, map: &str) -> Result<Option<(&'a Mission, Pose)>
     Ok(None)
 }
 
-/// The area that the vehicle does not leave, on the map; `None` if it states none that can be placed.
-fn obeyed_area(frame: &Frame, map: &str) -> Option<Vec<[f64; 2]>> {
-    let (mission, map_from_own) = obeyed(frame, map).ok().flatten()?;
-    mission.area.as_ref().map(|area| area.points.iter().map(place(map_from_own)).collect())
+/// The bounds that the vehicle obeys also after a draft is sent, on the map: its area, unless the draft has one, and its zones
+/// without those that the operator has sent, which the draft states. Empty where they cannot be placed.
+fn standing_bounds(frame: &Frame, map: &str, buffer: &str) -> Bounds {
+    let Ok(Some((mission, map_from_own))) = obeyed(frame, map) else { return Bounds::default() };
+    let Ok(sent) = sent_bounds(frame, map, buffer) else { return Bounds::default() };
+    let mut bounds = bounds_of(mission, map_from_own);
+    bounds.keep_out.retain(|zone| !sent.keep_out.iter().any(|sent| is_same_outline(sent, zone)));
+    bounds
 }
 
 /// The frame in which a mission is sent, and the pose of the map's frame in it: the frame in which the vehicle states its
@@ -269,7 +277,7 @@ impl Map {
         let Some(draft) = &mut self.draft else { return };
         let tokens = tokens(ui);
         let target = sending_frame(cx.frame, map);
-        let area = obeyed_area(cx.frame, map);
+        let standing = standing_bounds(cx.frame, map, buffer);
         let mut discard = false;
         // Below the scale bar.
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
@@ -314,7 +322,7 @@ impl Map {
                 ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
             };
             line(format!("{}: {text}", draft.summary()), color);
-            if let Some(warning) = draft.goal_warning(area.as_deref()) {
+            if let Some(warning) = draft.goal_warning(&standing) {
                 line(warning, tokens.warning);
             }
         });
@@ -472,6 +480,7 @@ mod tests {
     use super::*;
     use crate::samples;
     use rcs_geom::TransformTree;
+    use rcs_msg::rcs::PlanePoint;
     use rcs_runtime::source::RunTag;
     use std::sync::Arc;
 
@@ -513,5 +522,20 @@ mod tests {
             assert!(target(&frame, WGS84).unwrap_err().contains("choose another frame"));
             assert!(refusal(&frame, WGS84, "/operator/mission").is_some());
         }
+    }
+
+    #[test]
+    fn zones_of_a_course_stand_after_sending_and_those_that_the_operator_has_sent_do_not() {
+        let zone = |x_m: f64| {
+            let corners = [[x_m, 0.0], [x_m + 1.0, 0.0], [x_m, 1.0]];
+            PlanePolygon { points: corners.map(|[x_m, y_m]| PlanePoint { x_m, y_m }).to_vec() }
+        };
+        let mission = |keep_out| Mission { frame_id: "local".to_owned(), keep_out, ..Mission::default() };
+        let mut obeyed = samples::topic("/generator/driven", 0.1, 5.0, mission(vec![zone(0.0), zone(5.0)]));
+        obeyed.metadata = Arc::new([("rcs.role".to_owned(), "mission".to_owned())].into());
+        let sent = samples::topic("/operator/mission", 0.0, 5.0, mission(vec![zone(5.0)]));
+        let frame = Frame { topics: Arc::new([obeyed, sent]), ..samples::empty() };
+        let standing = standing_bounds(&frame, "local", "/operator/mission");
+        assert_eq!(standing.keep_out, [vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]);
     }
 }

@@ -402,7 +402,11 @@ fn legend(
             job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(8.0));
             ui.painter().layout_job(job)
         };
-        let whole = curve.shown.problem.as_ref().map_or_else(|| value.clone(), ToString::to_string);
+        let whole = match lacks {
+            Some(problem) if value.is_empty() => problem.to_string(),
+            Some(problem) => format!("{value}; {problem}"),
+            None => value.clone(),
+        };
         let value = layout(value, FontId::monospace(11.0), color, 0.6 * room);
         let label = layout(name.clone(), font, tokens.text, room - value.size().x - 12.0);
         let width = 20.0 + label.size().x + 12.0 + value.size().x;

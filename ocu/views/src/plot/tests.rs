@@ -377,3 +377,18 @@ fn a_problem_for_which_the_legend_has_no_room_is_shown_in_full_under_the_pointer
     harness.run_steps(8);
     assert_ne!(harness.query_all_by_label_contains(whole).count(), 0);
 }
+
+#[test]
+fn under_the_pointer_the_legend_has_the_value_of_a_curve_and_why_not_all_values_are_there() {
+    let mut harness = harness(plot(&[&["/vehicle/state.speed_mps"]]), egui::Vec2::new(600.0, 300.0));
+    let frame = &mut harness.state_mut().frame;
+    let lost = |one: &FieldSeries| FieldSeries { problem: Some("2 messages are lost".into()), ..one.clone() };
+    frame.fields = frame.fields.iter().map(lost).collect();
+    harness.run();
+    let whole = "; 2 messages are lost";
+    assert_eq!(harness.query_all_by_label_contains(whole).count(), 0);
+    let place = harness.get_by_label("Curve /vehicle/state.speed_mps").rect();
+    harness.hover_at(place.center());
+    harness.run_steps(8);
+    assert_ne!(harness.query_all_by_label_contains(whole).count(), 0);
+}

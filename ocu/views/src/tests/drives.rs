@@ -7,7 +7,7 @@ use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::rcs::{EmergencyStop, VehicleStatus};
-use rcs_runtime::source::Frame;
+use rcs_runtime::source::{Frame, Topic};
 
 fn drive(frame: Frame) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new("drive", frame), Vec2::new(900.0, 560.0), Theme::Dark);
@@ -46,28 +46,54 @@ fn a_speed_a_turn_rate_and_an_attitude_that_no_sensor_tells_are_dashes() {
     assert_eq!(harness.query_all_by_label_contains("– °").count(), 3, "turn, roll and pitch");
 }
 
-#[test]
-fn during_an_emergency_stop_only_its_release_is_offered_and_no_button_drives() {
-    let obeyed = VehicleStatus { emergency_stopped: true, ..VehicleStatus::default() };
-    let asked = EmergencyStop { active: true, ..EmergencyStop::default() };
-    for stop in [
-        samples::topic("/vehicle_interface/vehicle", 50.0, 0.02, obeyed),
-        samples::topic("/operator/emergency_stop", 0.0, 0.02, asked),
-    ] {
-        let mut frame = samples::driving();
-        let others = frame.topics.iter().filter(|topic| topic.name != stop.name).cloned();
-        frame.topics = others.chain([stop.clone()]).collect();
-        let mut shown = Shown::new("drive", frame);
-        shown.selection.let_go_first = true;
-        let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
-        harness.run();
-        assert!(harness.query_by_label_contains("press Release").is_some());
-        for text in ["Let go of the controls", "Hold W A S D"] {
-            assert!(harness.query_by_label_contains(text).is_none(), "{text}");
-        }
-        let at = harness.get_by_label("Turn left").rect().center();
-        harness.drag_at(at);
-        harness.run();
-        assert_eq!(harness.state().selection.hand, Hand::default());
+/// A drive with another newest message of one of its topics.
+fn driving_with(topic: Topic) -> Frame {
+    let mut frame = samples::driving();
+    let mut topics = frame.topics.to_vec();
+    topics.retain(|other| other.name != topic.name);
+    topics.push(topic);
+    frame.topics = topics.into();
+    frame
+}
+
+/// The status of a vehicle that obeys an emergency stop, with its age.
+fn obeyed(age_s: f64) -> Topic {
+    let status = VehicleStatus { emergency_stopped: true, ..VehicleStatus::default() };
+    samples::topic("/vehicle_interface/vehicle", 50.0, age_s, status)
+}
+
+/// The drive view of a stopped vehicle tells this, and none of its buttons drives.
+fn check_stopped(frame: Frame, told: &str) {
+    let mut shown = Shown::new("drive", frame);
+    shown.selection.let_go_first = true;
+    let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    for text in ["press Release", "not confirmed", "from here", "Let go of the controls", "Hold W A S D"] {
+        assert_eq!(harness.query_by_label_contains(text).is_some(), text == told, "{text}");
     }
+    let at = harness.get_by_label("Turn left").rect().center();
+    harness.drag_at(at);
+    harness.run();
+    assert_eq!(harness.state().selection.hand, Hand::default());
+}
+
+#[test]
+fn while_the_vehicle_obeys_an_emergency_stop_its_release_is_offered_and_no_button_drives() {
+    check_stopped(driving_with(obeyed(0.02)), "press Release");
+}
+
+#[test]
+fn an_emergency_stop_that_cannot_be_released_offers_no_release_and_no_button_drives() {
+    let asked = EmergencyStop { active: true, ..EmergencyStop::default() };
+    let asked = samples::topic("/operator/emergency_stop", 0.0, 0.02, asked);
+    for unconfirmed in [asked, obeyed(3.0)] {
+        check_stopped(driving_with(unconfirmed), "not confirmed");
+    }
+    let mut frame = driving_with(obeyed(0.02));
+    let mut processes = frame.processes.to_vec();
+    for process in &mut processes {
+        process.inputs.retain(|input| input.role != "emergency_stop");
+    }
+    frame.processes = processes.into();
+    check_stopped(frame, "from here");
 }
