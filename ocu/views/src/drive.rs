@@ -4,7 +4,7 @@
 //! the vehicle is stopped, and the results of the referee.
 
 use crate::operator::{self, DriveLimits, DriveSettings, Hand, Inputs};
-use crate::view::{View, ViewContext, is_old, rate_hz};
+use crate::view::{View, ViewContext, rate_hz};
 use egui::{
     Color32, CornerRadius, FontId, Rect, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
 };
@@ -47,7 +47,7 @@ impl View for Drive {
                 ui.vertical(|ui| {
                     ui.set_width(3.0 * KEY + 2.0 * GAP + 8.0);
                     if let Some(teleop) = &inputs.teleop {
-                        let stopped = stopped(cx.frame, &inputs);
+                        let stopped = stopped(cx.frame, &inputs, cx.selection.can_release);
                         pad(ui, cx, teleop, stopped);
                     }
                 });
@@ -68,21 +68,21 @@ impl View for Drive {
 }
 
 /// What the operator is told while the vehicle obeys an emergency stop, or the operator has sent one; `None` while nothing is
-/// stopped. The top bar has no *Release* before the vehicle confirms the stop.
-fn stopped(frame: &Frame, inputs: &Inputs) -> Option<&'static str> {
-    let buffer = inputs.emergency_stop.as_deref();
-    let sent = buffer.and_then(|buffer| frame.topic(buffer)?.get::<rcs::EmergencyStop>());
-    let obeying = operator::vehicle(frame).filter(|(_, status)| status.emergency_stopped);
-    if obeying.is_none() && sent.is_none_or(|stop| !stop.active) {
-        return None;
-    }
-    let is_confirmed = obeying.is_some_and(|(topic, _)| !is_old(topic, frame.now));
-    Some(match (is_confirmed, buffer) {
-        (true, Some(_)) => {
-            "Emergency stop: let go of the keys, and press Release at the upper right to drive."
+/// stopped. `can_release`: whether the bar at the top has the button *Release*.
+fn stopped(frame: &Frame, inputs: &Inputs, can_release: bool) -> Option<&'static str> {
+    let obeys = operator::vehicle(frame).is_some_and(|(_, status)| status.emergency_stopped);
+    let Some(buffer) = inputs.emergency_stop.as_deref() else {
+        let told = "Emergency stop: the controls do not drive, and it cannot be released from here.";
+        return obeys.then_some(told);
+    };
+    let sent = frame.topic(buffer).and_then(|topic| topic.get::<rcs::EmergencyStop>());
+    let asks = sent.is_some_and(|stop| stop.active);
+    (obeys || asks).then_some(match (can_release, sent.is_some() && !asks) {
+        (true, _) => "Emergency stop: let go of the keys, and press Release at the upper right to drive.",
+        (false, true) => {
+            "Emergency stop: the controls do not drive, and the vehicle has not confirmed its release."
         }
-        (true, None) => "Emergency stop: the controls do not drive, and it cannot be released from here.",
-        (false, _) => "Emergency stop: the controls do not drive, and the vehicle has not confirmed it.",
+        (false, false) => "Emergency stop: the controls do not drive, and the vehicle has not confirmed it.",
     })
 }
 
@@ -250,6 +250,7 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     row(ui, "Pitch", dash(), turn(status.pitch_rad), "°");
     let who = match person {
         Some(_) => "you",
+        None if status.teleoperated => "the operator",
         None if status.stopped => "nobody",
         None => "the stack",
     };

@@ -224,6 +224,8 @@ pub struct Selection {
     pub hand: Hand,
     /// Whether the drive controls act only after they have been let go; the window sets it.
     pub let_go_first: bool,
+    /// Whether the bar at the top has the button that releases an emergency stop; the window sets it.
+    pub can_release: bool,
     /// Speeds of manual driving.
     pub drive: DriveSettings,
     /// The serial of the last command that a view sent to each process.

@@ -341,6 +341,12 @@ impl VehicleInterface {
         {
             self.sensed.yaw_rate_radps = Some((rate, imu.header().log_time));
         }
+        if let Some(local) = cx.latest(&ports.local)
+            && let Ok(pose) = pose_of(local.pose.as_ref(), &local.frame_id)
+        {
+            let [roll_rad, pitch_rad, _] = pose.rpy();
+            self.sensed.attitude_rad = Some(([roll_rad, pitch_rad], local.acq_time_on_arrival()));
+        }
         if let Some(bumper) = cx.latest(&ports.bumper) {
             (self.sensed.bumper_left, self.sensed.bumper_right) = (bumper.left, bumper.right);
             self.sensed.bumper_at = Some(bumper.header().log_time);

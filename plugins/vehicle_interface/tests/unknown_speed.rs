@@ -124,6 +124,13 @@ fn an_attitude_that_neither_the_local_estimate_nor_the_inertial_sensor_tells_is_
         run(&mut bench, 1);
         assert!(is_tilted(&bench), "it is back: {:?}", attitude(&bench));
     }
+    let mut bench = start(&stack, "0");
+    bench.write("/operator/local", local);
+    run(&mut bench, 1);
+    let init = rcs::Command { serial: 2, name: "INIT".to_owned(), ..Default::default() };
+    bench.write("/vehicle_interface/command", init);
+    run(&mut bench, 2);
+    assert!(is_tilted(&bench), "after INIT: {:?}", attitude(&bench));
     let without = STACK.lines().filter(|line| !line.starts_with("inputs")).collect::<Vec<_>>().join("\n");
     assert!(is_unknown(&start(&without, "0")), "not wired");
 }

@@ -3,7 +3,7 @@
 use crate::EvalError;
 use crate::report::{ClassReport, GROUND, OBSTACLE};
 use rcs_bus::Buffer;
-use rcs_log::{CursorOptions, Log, LogMessage, LogTopic, TopicId};
+use rcs_log::{CursorOptions, Log, LogMessage, LogTopic, MessagePosition, TopicId};
 use rcs_metrics::Confusion;
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::raw_to_rgb8;
@@ -11,11 +11,10 @@ use rcs_msg::{AnyMessage, Stamp, canonical, canonical_name, schema_of};
 use rcs_runtime::{Happened, Plan, RunOptions, Stepped, acquisition_time};
 use rcs_sense::ObstacleLabel;
 use std::collections::BTreeMap;
-use std::iter::Peekable;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Greatest number of label images of one side that wait for their counterpart.
+/// Greatest number of label images of one side of a running stack that wait for their counterpart.
 const WAITING: usize = 64;
 
 /// What is evaluated.
@@ -72,13 +71,24 @@ struct Pairs {
     confusion: Confusion<2>,
 }
 
-/// A label image of a recording, and when it was acquired.
-type TimedImage = (Stamp, RawImage);
-
 #[derive(Debug)]
 struct Labels {
     size: [u32; 2],
     pixels: Vec<u8>,
+}
+
+impl Labels {
+    fn of(image: &RawImage) -> Result<Labels, EvalError> {
+        if image.encoding != "mono8" && image.encoding != "8UC1" {
+            return Err(EvalError::refused(format!(
+                "label image has encoding {:?}, expected mono8",
+                image.encoding
+            )));
+        }
+        let rgb = raw_to_rgb8(image).map_err(|error| EvalError::nothing(error.to_string()))?.data;
+        let pixels: Vec<u8> = rgb.as_chunks::<3>().0.iter().map(|pixel| pixel[0]).collect();
+        Ok(Labels { size: [image.width, image.height], pixels })
+    }
 }
 
 impl Pairs {
@@ -111,15 +121,7 @@ impl Pairs {
 
     /// Adds a label image and its time of acquisition; counts the pair if its counterpart is there.
     fn add(&mut self, side: Side, image: &RawImage, time: Stamp) -> Result<(), EvalError> {
-        if image.encoding != "mono8" && image.encoding != "8UC1" {
-            return Err(EvalError::refused(format!(
-                "label image has encoding {:?}, expected mono8",
-                image.encoding
-            )));
-        }
-        let rgb = raw_to_rgb8(image).map_err(|error| EvalError::nothing(error.to_string()))?.data;
-        let pixels: Vec<u8> = rgb.as_chunks::<3>().0.iter().map(|pixel| pixel[0]).collect();
-        let labels = Labels { size: [image.width, image.height], pixels };
+        let labels = Labels::of(image)?;
         self.seen[side as usize] += 1;
         let others = &mut self.waiting[1 - side as usize];
         let apart = |other: Stamp| other.0.abs_diff(time.0);
@@ -141,22 +143,20 @@ impl Pairs {
         }
     }
 
-    /// Adds those of the next true label images of a recording that may be the nearest to a judged one of this time: all
-    /// up to that time, and the first one after it if it is within the tolerance.
-    fn add_truth(
+    /// Adds a judged label image and its time of acquisition; counts the pair with the nearest true one that no other has
+    /// taken.
+    fn add_to(
         &mut self,
-        truth: &mut Peekable<impl Iterator<Item = Result<TimedImage, EvalError>>>,
+        truth: &mut RecordedTruth<'_>,
+        image: &RawImage,
         time: Stamp,
     ) -> Result<(), EvalError> {
-        let latest = time.after_ns(self.tolerance_ns);
-        while let Some(next) = truth.next_if(|next| !next.as_ref().is_ok_and(|(at, _)| *at > latest)) {
-            let (at, image) = next?;
-            self.add(Side::Truth, &image, at)?;
-            if at > time {
-                break;
-            }
+        let judged = Labels::of(image)?;
+        self.seen[Side::Judged as usize] += 1;
+        match truth.take_nearest(time, self.tolerance_ns)? {
+            Some(image) => self.count(&Labels::of(&image)?, &judged),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     fn count(&mut self, truth: &Labels, judged: &Labels) -> Result<(), EvalError> {
@@ -235,27 +235,59 @@ fn image_topics(log: &Log, name: &str) -> Result<Vec<TopicId>, EvalError> {
 
 /// The pairs of a recording.
 fn recorded_pairs(job: &Job<'_>, log: &Log) -> Result<Pairs, EvalError> {
+    let topics = image_topics(log, &judged_topic(job, log)?)?;
+    let mut truth = RecordedTruth::new(log, job.truth_topic)?;
     let mut pairs = Pairs::new(job);
-    let judged = judged_topic(job, log)?;
-    // Each topic has a cursor of its own, because the ground truth may have been appended to the drive.
-    let mut truth = images(log, job.truth_topic)?.peekable();
-    for next in images(log, &judged)? {
-        let (time, image) = next?;
-        pairs.add_truth(&mut truth, time)?;
-        pairs.add(Side::Judged, &image, time)?;
+    pairs.seen[Side::Truth as usize] = truth.place_before.len() as u64;
+    for message in log.cursor(CursorOptions { topics: Some(topics), ..CursorOptions::default() }) {
+        let (time, image) = timed_image(log, &message?)?;
+        pairs.add_to(&mut truth, &image, time)?;
     }
-    pairs.add_truth(&mut truth, Stamp::MAX)?;
     Ok(pairs)
 }
 
-/// The label images of a recording's topics with this name, in the order of the log.
-fn images(log: &Log, name: &str) -> Result<impl Iterator<Item = Result<TimedImage, EvalError>>, EvalError> {
-    let topics = Some(image_topics(log, name)?);
-    let cursor = log.cursor(CursorOptions { topics, ..CursorOptions::default() });
-    Ok(cursor.map(move |message| timed_image(log, &message?)))
+/// The true label images of a recording. They may have been appended to it in any order, so their times are read first;
+/// an image is read again when a judged one needs it.
+struct RecordedTruth<'a> {
+    log: &'a Log,
+    topics: Vec<TopicId>,
+    /// Of each image by its time of acquisition, the place of the one before it in the log.
+    place_before: BTreeMap<Stamp, MessagePosition>,
 }
 
-fn timed_image(log: &Log, message: &LogMessage) -> Result<TimedImage, EvalError> {
+impl RecordedTruth<'_> {
+    fn new<'a>(log: &'a Log, name: &str) -> Result<RecordedTruth<'a>, EvalError> {
+        let topics = image_topics(log, name)?;
+        let mut place_before = BTreeMap::new();
+        let mut place = MessagePosition::before(Stamp(0));
+        for message in log.cursor(CursorOptions { topics: Some(topics.clone()), ..CursorOptions::default() })
+        {
+            let message = message?;
+            place_before.insert(timed_image(log, &message)?.0, place);
+            place = message.place;
+        }
+        Ok(RecordedTruth { log, topics, place_before })
+    }
+
+    /// Takes the image that is nearest to a time, if it is within the tolerance.
+    fn take_nearest(&mut self, time: Stamp, tolerance_ns: u64) -> Result<Option<RawImage>, EvalError> {
+        let apart = |other: &Stamp| other.0.abs_diff(time.0);
+        let before = self.place_before.range(..=time).next_back();
+        let around = before.into_iter().chain(self.place_before.range(time..).next());
+        let nearest = around.map(|(&other, _)| other).min_by_key(apart);
+        let Some(place) = nearest
+            .filter(|other| apart(other) <= tolerance_ns)
+            .and_then(|other| self.place_before.remove(&other))
+        else {
+            return Ok(None);
+        };
+        let message = self.log.next_message(place, Some(&self.topics))?;
+        Ok(message.map(|message| timed_image(self.log, &message)).transpose()?.map(|(_, image)| image))
+    }
+}
+
+/// The label image of a message, and when it was acquired.
+fn timed_image(log: &Log, message: &LogMessage) -> Result<(Stamp, RawImage), EvalError> {
     let topic =
         log.info().topic(message.topic).ok_or_else(|| EvalError::nothing("a message has no topic"))?;
     let converted = canonical(&topic.schema, &message.data).transpose();
@@ -288,11 +320,14 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
     let truth = named(job.truth_topic);
     let mut recorded_truth = match (&truth, log) {
         (Some(_), _) => None,
-        (None, Some(log)) => Some(images(log, job.truth_topic)?.peekable()),
+        (None, Some(log)) => Some(RecordedTruth::new(log, job.truth_topic)?),
         (None, None) => {
             return Err(EvalError::refused(format!("the stack has no buffer {}", job.truth_topic)));
         }
     };
+    if let Some(truth) = &recorded_truth {
+        pairs.seen[Side::Truth as usize] = truth.place_before.len() as u64;
+    }
     run.begin()?;
     let until = until_s.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
     let end = [run.horizon(), until].into_iter().flatten().min().unwrap_or(Stamp(0));
@@ -318,19 +353,16 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
                 EvalError::nothing(format!("{} does not hold images of labels", buffer.name()))
             })?;
             let time = sample.header.acq_time;
-            if let Some(recorded_truth) = &mut recorded_truth {
-                pairs.add_truth(recorded_truth, time)?;
+            match &mut recorded_truth {
+                Some(truth) => pairs.add_to(truth, &image, time)?,
+                None => pairs.add(side, &image, time)?,
             }
-            pairs.add(side, &image, time)?;
             if side == Side::Judged
                 && let Some(Happened::Cycle(process)) = happened
             {
                 times_ms.push(took_ms + computing_ms.remove(&process).unwrap_or(0.0));
             }
         }
-    }
-    if let Some(recorded_truth) = &mut recorded_truth {
-        pairs.add_truth(recorded_truth, Stamp::MAX)?;
     }
     Ok(times_ms)
 }
@@ -400,13 +432,13 @@ mod tests {
     }
 
     #[test]
-    fn few_label_images_wait_however_long_the_recording_is() {
-        let truth = (1..=1000).map(|i| (Side::Truth, 10 * i, 10 * i, [1, 2]));
-        let judged = (1..=10).map(|i| (Side::Judged, 1000 * i, 1000 * i, [1, 2]));
-        let images: Vec<Image> = truth.chain(judged).collect();
-        let pairs = recorded_pairs(&JOB, &log_of(&images)).unwrap();
-        assert_eq!(pairs.matched, 10);
-        assert!(pairs.waiting.iter().all(|side| side.len() <= WAITING));
+    fn true_label_images_are_found_in_any_order_and_a_stamp_far_ahead_spoils_only_its_own_image() {
+        let hour_ms = 3_600_000;
+        let judged = (1..=100).map(|i| (Side::Judged, 100 * i, 100 * i, [1, 2]));
+        let ahead = [(Side::Judged, hour_ms, 50, [1, 2]), (Side::Truth, 2 * hour_ms, 20_000, [1, 2])];
+        let truth = (1..=100).map(|i| (Side::Truth, 100 * (101 - i), 20_000 + i, [1, 2]));
+        let images: Vec<Image> = judged.chain(ahead).chain(truth).collect();
+        assert_eq!(figures(&report(&images)), (100, 1, Some(1.0)));
     }
 
     #[test]

@@ -306,13 +306,15 @@ impl Window {
         self.take_dropped(ui, &mut controls);
         let frame = self.shown.frame();
         let live = frame.as_deref().filter(|_| matches!(self.shown, Shown::Live(_)));
-        let stops = live.is_some_and(|frame| self.operating.stop_state(frame) != StopState::None);
+        let stop = live.map(|frame| self.operating.stop_state(frame)).unwrap_or_default();
+        let stops = stop != StopState::None;
         let acted = self.take_keys(ui.ctx(), stops, frame.as_deref(), &mut controls);
         self.tell_title(frame.as_deref());
         let chosen = (self.selection.topic.clone(), self.selection.process.clone());
         self.sweeping.look(&self.current, frame.as_deref());
         self.selection.sweep = self.sweeping.state(&self.current);
         self.selection.let_go_first = self.operating.is_blocked();
+        self.selection.can_release = stop.can_be_released();
         self.selection.hand = live.map(|frame| self.operating.take_keys(ui, frame)).unwrap_or_default();
 
         let fill = tokens(ui).panel();

@@ -45,6 +45,13 @@ pub(super) enum StopState {
     },
 }
 
+impl StopState {
+    /// Whether the user can ask for its release.
+    pub(super) fn can_be_released(self) -> bool {
+        matches!(self, StopState::Braking | StopState::Stopped { .. })
+    }
+}
+
 /// A request that the vehicle has not confirmed. It holds from one moment of a run on. At other moments, which the user
 /// looks at or plays, it is not shown, and it is not sent again.
 #[derive(Debug)]

@@ -91,7 +91,7 @@ pub(super) fn ui(ui: &mut Ui, form: Form, state: StopState, pushed: bool) -> Opt
     let mut wish = None;
     let (stop, release) = if form == Form::Short { (SHORT_STOP, SHORT_RELEASE) } else { (STOP, RELEASE) };
     let (place, _) = ui.allocate_exact_size(release, Sense::hover());
-    if matches!(state, StopState::Braking | StopState::Stopped { .. }) {
+    if state.can_be_released() {
         let icon = icons::ICON_LOCK_OPEN.codepoint;
         let text = if form == Form::Short { icon.to_owned() } else { format!("{icon}  Release") };
         let button = egui::Button::new(text).min_size(release);

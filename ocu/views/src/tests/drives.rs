@@ -63,12 +63,20 @@ fn obeyed(age_s: f64) -> Topic {
 }
 
 /// The drive view of a stopped vehicle tells this, and none of its buttons drives.
-fn check_stopped(frame: Frame, told: &str) {
+fn check_stopped(frame: Frame, can_release: bool, told: &str) {
     let mut shown = Shown::new("drive", frame);
     shown.selection.let_go_first = true;
+    shown.selection.can_release = can_release;
     let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
     harness.run();
-    for text in ["press Release", "not confirmed", "from here", "Let go of the controls", "Hold W A S D"] {
+    for text in [
+        "press Release",
+        "not confirmed it.",
+        "not confirmed its release",
+        "from here",
+        "Let go of the controls",
+        "Hold W A S D",
+    ] {
         assert_eq!(harness.query_by_label_contains(text).is_some(), text == told, "{text}");
     }
     let at = harness.get_by_label("Turn left").rect().center();
@@ -79,21 +87,26 @@ fn check_stopped(frame: Frame, told: &str) {
 
 #[test]
 fn while_the_vehicle_obeys_an_emergency_stop_its_release_is_offered_and_no_button_drives() {
-    check_stopped(driving_with(obeyed(0.02)), "press Release");
+    check_stopped(driving_with(obeyed(0.02)), true, "press Release");
 }
 
 #[test]
 fn an_emergency_stop_that_cannot_be_released_offers_no_release_and_no_button_drives() {
-    let asked = EmergencyStop { active: true, ..EmergencyStop::default() };
-    let asked = samples::topic("/operator/emergency_stop", 0.0, 0.02, asked);
-    for unconfirmed in [asked, obeyed(3.0)] {
-        check_stopped(driving_with(unconfirmed), "not confirmed");
+    let sent = |active: bool| {
+        let stop = EmergencyStop { active, ..EmergencyStop::default() };
+        samples::topic("/operator/emergency_stop", 0.0, 0.02, stop)
+    };
+    for unconfirmed in [sent(true), obeyed(3.0)] {
+        check_stopped(driving_with(unconfirmed), false, "not confirmed it.");
     }
+    let mut released = driving_with(obeyed(0.02));
+    released.topics = released.topics.iter().cloned().chain([sent(false)]).collect();
+    check_stopped(released, false, "not confirmed its release");
     let mut frame = driving_with(obeyed(0.02));
     let mut processes = frame.processes.to_vec();
     for process in &mut processes {
         process.inputs.retain(|input| input.role != "emergency_stop");
     }
     frame.processes = processes.into();
-    check_stopped(frame, "from here");
+    check_stopped(frame, false, "from here");
 }
