@@ -3,7 +3,8 @@
 //!
 //! Items at the left follow each other, items at the right keep their place at the right end. An item says how it gives
 //! way ([`Fit`]) and paints itself in the form that it is asked for ([`Form`]). Widths are those of the last time that
-//! an item was painted in a form; a pass that finds another width is painted again.
+//! an item was painted in a form. A form that was never painted is measured first, out of sight; a pass that finds another
+//! width than before is painted again.
 
 use crate::{Icon, icons, tokens, widgets};
 use egui::containers::menu::{MenuButton, MenuConfig, SubMenuButton};
@@ -46,6 +47,17 @@ struct Item<'a, C> {
     paint: Paint<'a, C>,
 }
 
+impl<C> Item<'_, C> {
+    /// Paints it in the bar; returns its width.
+    fn paint_in(&mut self, ui: &mut Ui, form: Form, cx: &mut C) -> f32 {
+        let stretches = matches!(self.fit, Fit::Stretches(_));
+        ui.style_mut().wrap_mode =
+            Some(if stretches { TextWrapMode::Truncate } else { TextWrapMode::Extend });
+        (self.paint)(ui, form, cx);
+        ui.min_rect().width().ceil()
+    }
+}
+
 /// A bar with its items. `C` is what they change.
 pub struct Bar<'a, C> {
     name: &'static str,
@@ -54,6 +66,11 @@ pub struct Bar<'a, C> {
 
 /// Widths of the items of a bar, by name and form.
 type Widths = BTreeMap<(&'static str, Form), f32>;
+
+/// The width of an item that does not stretch.
+fn width_of(widths: &Widths, name: &'static str, form: Form) -> f32 {
+    widths.get(&(name, form)).copied().unwrap_or(0.0)
+}
 
 /// Width of the button of the menu.
 const MORE: f32 = 24.0;
@@ -81,21 +98,22 @@ impl<'a, C> Bar<'a, C> {
     pub fn show(mut self, ui: &mut Ui, height: f32, cx: &mut C) {
         let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::hover());
         let id = ui.scope_id().with(("bar", self.name));
+        // Ids of widgets count those before them. Here they follow from names alone: a click counts although another item
+        // appears while the button is down.
+        let ui = &mut ui.new_child(UiBuilder::new().scope_id(id).max_rect(rect));
         let gap = ui.spacing().item_spacing.x;
-        let known: Widths = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+        let before: Widths = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+        let mut known = before.clone();
+        self.measure(ui, rect, &mut known, cx);
         let mut widths = known.clone();
         let forms = forms(&self.shapes(&known), rect.width(), gap);
-        let width = |widths: &Widths, item: &Item<'a, C>, form: Form| {
-            widths.get(&(item.name, form)).copied().unwrap_or(0.0)
-        };
-
         let mut listed: Vec<usize> = Vec::new();
         let (mut left, mut right) = (rect.left(), rect.right());
         // The places of those at the right follow from their last widths.
         let mut places = vec![0.0; self.items.len()];
         for (index, item) in self.items.iter().enumerate().rev().filter(|(_, item)| item.at_right) {
             if let Some(form @ (Form::Full | Form::Short)) = forms[index] {
-                let width = width(&known, item, form);
+                let width = width_of(&known, item.name, form);
                 right -= width;
                 places[index] = right;
                 right -= if width > 0.0 { gap } else { 0.0 };
@@ -117,24 +135,22 @@ impl<'a, C> Bar<'a, C> {
             };
             let stretches = matches!(item.fit, Fit::Stretches(_));
             let (from, to) = if item.at_right {
-                (places[index], places[index] + width(&known, item, form))
+                (places[index], places[index] + width_of(&known, item.name, form))
             } else {
                 (left, right.max(left))
             };
             let place = Rect::from_min_max(Pos2::new(from, rect.top()), Pos2::new(to, rect.bottom()));
             let builder = UiBuilder::new()
-                .id_salt(item.name)
+                .scope_id(id.with(item.name))
                 .max_rect(place)
                 .layout(Layout::left_to_right(Align::Center));
             let mut child = ui.new_child(builder);
             child.set_clip_rect(place.expand2(Vec2::new(2.0, 2.0)).intersect(ui.clip_rect()));
-            let wrap = if stretches { TextWrapMode::Truncate } else { TextWrapMode::Extend };
-            child.style_mut().wrap_mode = Some(wrap);
-            (item.paint)(&mut child, form, cx);
-            let painted = child.min_rect().width().ceil();
-            let before = known.get(&(item.name, form)).copied();
-            let hardly_differs = before.is_some_and(|before| (0.0..=HARDLY).contains(&(before - painted)));
-            if !stretches && !hardly_differs {
+            let painted = item.paint_in(&mut child, form, cx);
+            let narrower_by = width_of(&known, item.name, form) - painted;
+            if !stretches && !(0.0..=HARDLY).contains(&narrower_by) {
+                // It says something else, in the other form, too.
+                widths.retain(|(name, _), _| *name != item.name);
                 widths.insert((item.name, form), painted);
             }
             // An item with nothing to say takes no gap.
@@ -147,17 +163,38 @@ impl<'a, C> Bar<'a, C> {
                 Rect::from_min_size(Pos2::new(right + gap, rect.top()), Vec2::new(MORE, rect.height()));
             self.menu(ui, place, &listed, cx);
         }
-        if widths != known {
+        if widths != before {
             ui.data_mut(|data| data.insert_temp(id, widths));
             ui.ctx().request_discard("the items of a bar changed their widths");
             ui.ctx().request_repaint();
         }
     }
 
+    /// Learns the unknown widths of the forms in the bar, so that each item has its form at once. Otherwise each item that
+    /// becomes short would tell only then how much room it leaves, and the bar would take a pass for each of them.
+    fn measure(&mut self, ui: &mut Ui, rect: Rect, widths: &mut Widths, cx: &mut C) {
+        for item in self.items.iter_mut().filter(|item| !matches!(item.fit, Fit::Stretches(_))) {
+            for form in [Form::Full, Form::Short] {
+                widths.entry((item.name, form)).or_insert_with(|| {
+                    let builder = UiBuilder::new()
+                        .scope_id(ui.scope_id().with(("measure", item.name, form)))
+                        .max_rect(rect)
+                        .layout(Layout::left_to_right(Align::Center))
+                        .invisible();
+                    let mut child = ui.new_child(builder);
+                    child.set_clip_rect(Rect::NOTHING);
+                    item.paint_in(&mut child, form, cx)
+                });
+            }
+        }
+    }
+
     /// The items that found no room.
     fn menu(&mut self, ui: &mut Ui, place: Rect, listed: &[usize], cx: &mut C) {
-        let builder =
-            UiBuilder::new().id_salt("more").max_rect(place).layout(Layout::left_to_right(Align::Center));
+        let builder = UiBuilder::new()
+            .scope_id(ui.scope_id().with("the menu of the bar"))
+            .max_rect(place)
+            .layout(Layout::left_to_right(Align::Center));
         let mut child = ui.new_child(builder);
         child.spacing_mut().button_padding = Vec2::splat(2.0);
         let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
@@ -166,7 +203,8 @@ impl<'a, C> Bar<'a, C> {
             ui.set_min_width(160.0);
             for &index in listed {
                 let item = &mut self.items[index];
-                ui.push_id(item.name, |ui| (item.paint)(ui, Form::Listed, cx));
+                let builder = UiBuilder::new().scope_id(ui.scope_id().with(item.name));
+                ui.scope_builder(builder, |ui| (item.paint)(ui, Form::Listed, cx));
             }
         });
         let name = "More of this bar";
@@ -175,11 +213,9 @@ impl<'a, C> Bar<'a, C> {
     }
 
     fn shapes(&self, known: &Widths) -> Vec<Shape> {
-        let width = |item: &Item<'a, C>, form: Form| known.get(&(item.name, form)).copied();
         let shape = |item: &Item<'a, C>| {
-            let full = width(item, Form::Full).unwrap_or(0.0);
-            // Unknown until it is painted so for the first time.
-            Shape { fit: item.fit, full, short: width(item, Form::Short).unwrap_or(0.0).min(full) }
+            let full = width_of(known, item.name, Form::Full);
+            Shape { fit: item.fit, full, short: width_of(known, item.name, Form::Short).min(full) }
         };
         self.items.iter().map(shape).collect()
     }
@@ -358,6 +394,87 @@ mod tests {
 
     fn shape(fit: Fit, full: f32, short: f32) -> Shape {
         Shape { fit, full, short }
+    }
+
+    /// Paints one frame of a bar of 300 points.
+    fn frame(
+        ctx: &egui::Context,
+        events: Vec<egui::Event>,
+        mut show: impl FnMut(&mut Ui),
+    ) -> egui::PlatformOutput {
+        let input = egui::RawInput {
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, Vec2::new(300.0, 100.0))),
+            events,
+            ..egui::RawInput::default()
+        };
+        let mut output = ctx.run_ui(input, &mut show);
+        output.textures_delta.clear();
+        std::mem::take(&mut output.platform_output)
+    }
+
+    #[test]
+    fn a_bar_has_its_forms_at_once_and_settles_after_a_change_within_a_frame() {
+        let ctx = egui::Context::default();
+        crate::theme::install(&ctx);
+        let show = |word: &str| {
+            let mut painted = Vec::new();
+            let output = frame(&ctx, Vec::new(), |ui| {
+                let mut bar = Bar::new("bar");
+                for name in ["one", "two", "three", "four", "five", "six"] {
+                    bar.left(name, Fit::Leaves(1), |ui, form, painted: &mut Vec<(Form, bool)>| {
+                        painted.push((form, ui.is_visible()));
+                        ui.label(if form == Form::Short { "." } else { word });
+                    });
+                }
+                painted.clear();
+                bar.show(ui, 20.0, &mut painted);
+            });
+            (output.num_completed_passes, output.requested_discard(), painted)
+        };
+        let all = |form: Form| vec![(form, true); 6];
+        let long = "more than what fits ".repeat(10);
+        assert_eq!(show("word"), (2, false, all(Form::Full)));
+        assert_eq!(show("word"), (1, false, all(Form::Full)));
+        assert_eq!(show(&long), (3, false, all(Form::Short)));
+        assert_eq!(show(&long), (1, false, all(Form::Short)));
+    }
+
+    #[test]
+    fn a_click_counts_although_another_item_appears_while_the_button_is_down() {
+        let ctx = egui::Context::default();
+        crate::theme::install(&ctx);
+        let mut at = Pos2::ZERO;
+        let mut show = |events: Vec<egui::Event>, has_more: bool| {
+            let mut clicks = 0;
+            frame(&ctx, events, |ui| {
+                let mut bar = Bar::new("bar");
+                if has_more {
+                    bar.left("alarm", Fit::Leaves(1), |ui, _, _: &mut u32| drop(ui.label("alarm")));
+                }
+                bar.right("stop", Fit::Stays, |ui, _, clicks: &mut u32| {
+                    let response = ui.button("Stop");
+                    at = response.rect.center();
+                    *clicks += u32::from(response.clicked());
+                });
+                bar.show(ui, 20.0, &mut clicks);
+                let after = ui.button("after the bar");
+                clicks += 10 * u32::from(after.clicked());
+            });
+            (clicks, at)
+        };
+        let (_, stop) = show(Vec::new(), false);
+        for (at, expected) in [(stop, 1), (Pos2::new(20.0, 38.0), 10)] {
+            let button = |pressed: bool| egui::Event::PointerButton {
+                pos: at,
+                button: egui::PointerButton::Primary,
+                pressed,
+                modifiers: egui::Modifiers::NONE,
+            };
+            assert_eq!(show(vec![egui::Event::PointerMoved(at)], false).0, 0);
+            assert_eq!(show(vec![button(true)], false).0, 0);
+            assert_eq!(show(Vec::new(), true).0, 0);
+            assert_eq!(show(vec![button(false)], true).0, expected);
+        }
     }
 
     #[test]

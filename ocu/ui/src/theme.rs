@@ -162,8 +162,8 @@ impl Tokens {
     }
 }
 
-/// How often a frame is laid out at most. A bar in which nothing fits learns the widths of its items one after the other;
-/// where that takes several frames, egui draws a warning over them.
+/// How often a frame is laid out at most. A bar takes three passes where an item changes its width: one finds it, one measures
+/// the forms of the item, one has nothing to measure. Where that takes several frames, egui draws a warning over them.
 const MOST_PASSES: NonZeroUsize = NonZeroUsize::MIN.saturating_add(3);
 
 /// Installs the icons and both themes in a context. Call it once, before the first pass.
