@@ -284,8 +284,13 @@ fn newest_message(frame: &Frame) -> Option<&rcs::EmergencyStop> {
 /// and at least 1.2 s. While time stands and in the past, no report is missed.
 fn is_silent(frame: &Frame, topic: &Topic) -> bool {
     let is_due = frame.playback.playing && frame.runs.is_at_end && !topic.pending;
+    is_due && is_overdue(topic, frame.now)
+}
+
+/// Whether the newest message is older than its rate allows.
+pub(super) fn is_overdue(topic: &Topic, now: Stamp) -> bool {
     let limit_s = topic.hz.and_then(stale::limit_s).unwrap_or(stale::LEAST_S);
-    is_due && topic.age_s(frame.now).is_some_and(|age_s| age_s > limit_s)
+    topic.age_s(now).is_some_and(|age_s| age_s > limit_s)
 }
 
 fn send(frame: &Frame, active: bool, controls: &mut Vec<Control>) {

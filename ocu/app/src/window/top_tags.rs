@@ -1,9 +1,11 @@
 //! The state of the source in the bar at the top, in a few words each.
 
 use super::commands::{Command, entry_of};
+use super::operate::is_overdue;
 use super::top_state::{Actions, State, TopBarAction};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
+use ocu_views::operator;
 use ocu_views::process_state::silent_s;
 use rcs_msg::rcs::ProcessState;
 use rcs_runtime::VIEWER;
@@ -61,14 +63,21 @@ pub(super) fn past(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &Fra
     response.on_hover_text(help);
 }
 
-/// Who commands the processes that have a supervisor: the operator, or the supervisor.
+/// Who drives or commands: the operator, or the supervisors.
 pub(super) fn authority(ui: &mut egui::Ui, form: Form, frame: &Frame) {
-    let Some((text, by_hand)) = commander(frame) else { return };
-    let (short, color) = if by_hand { ("OP", tokens(ui).accent) } else { ("AUTO", tokens(ui).text) };
+    let vehicle =
+        operator::vehicle(frame).filter(|(topic, _)| !topic.pending && !is_overdue(topic, frame.now));
+    let is_driven = vehicle.is_some_and(|(_, status)| status.teleoperated);
+    let (short, text, color) = match commander(frame) {
+        _ if is_driven => ("HAND", "BY HAND".to_owned(), tokens(ui).accent),
+        Some((text, true)) => ("OP", text, tokens(ui).accent),
+        Some((text, false)) => ("AUTO", text, tokens(ui).text),
+        None => return,
+    };
     let text = if form == Form::Short { short } else { &text };
     widgets::tag(ui, text, color).on_hover_text(
-        "Who has the authority to command the processes that have a supervisor. AUTONOMOUS: their supervisors. \
-         OPERATOR: you, after a command of yours to these processes. Driving by hand is no such command.",
+        "BY HAND: the operator drives the vehicle. Else, who has the authority to command the processes that have a \
+         supervisor: their supervisors (AUTONOMOUS), or you (OPERATOR), after a command of yours to these processes.",
     );
 }
 
@@ -212,7 +221,7 @@ mod tests {
     use rcs_bus::{Header, Sample, WriterId};
     use rcs_msg::rcs::{self, ProcessInfo, Status};
     use rcs_msg::{AnyMessage, Stamp, schema_of};
-    use rcs_runtime::source::{RunTag, Task};
+    use rcs_runtime::source::{RunTag, Source, Task};
     use std::sync::Arc;
 
     fn shown<'a>(add: impl FnMut(&mut egui::Ui) + 'a) -> Harness<'a> {
@@ -288,5 +297,23 @@ mod tests {
         source.write(&localization.command_buffer, AnyMessage::new(take)).unwrap();
         source.seek(start.after_ns(1_500_000_000), &Task::default()).unwrap();
         assert_eq!(commander(&source.frame()), Some(("OPERATOR: 1 PROCESS".to_owned(), true)));
+    }
+
+    #[test]
+    fn a_vehicle_that_the_operator_drives_is_driven_by_hand() {
+        let request = Request { stack: Some("simulation".to_owned()), ..Request::default() };
+        let mut source = crate::stacks::open(&request).unwrap();
+        let start = source.info().start;
+        let tag_at = |source: &mut dyn Source, ns: u64| {
+            source.seek(start.after_ns(ns), &Task::default()).unwrap();
+            let frame = source.frame();
+            let harness = shown(|ui| authority(ui, Form::Full, &frame));
+            ["BY HAND", "AUTONOMOUS"].map(|text| harness.query_by_label(text).is_some())
+        };
+        assert_eq!(tag_at(&mut *source, 1_000_000_000), [false, true]);
+        let command = rcs::DriveCommand { speed_mps: 0.5, ..rcs::DriveCommand::default() };
+        source.write("/operator/teleop", AnyMessage::new(command)).unwrap();
+        assert_eq!(tag_at(&mut *source, 1_100_000_000), [true, false]);
+        assert_eq!(tag_at(&mut *source, 2_000_000_000), [false, true], "the operator has let go");
     }
 }
