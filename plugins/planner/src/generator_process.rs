@@ -372,8 +372,9 @@ impl WaypointGenerator {
             self.forbidden = None;
             return;
         }
+        let refused_before = self.refused_route.clone();
         let route = self.remembered(params, stated, &local_from_route);
-        if let Some(why) = &self.refused_route {
+        if let Some(why) = self.refused_route.as_ref().filter(|why| refused_before.as_ref() != Some(why)) {
             cx.fault(format!("route: {why}; not used"));
         }
         let slips = self.slips_before(params, &(global_from_local * local_from_route)).unwrap_or_default();
