@@ -36,6 +36,7 @@
 //! type receive a `foxglove.Grid`, and recordings contain key frames and changed tiles.
 //!
 //! An unusable cost map (wrong frame, no field `cost.<source>`, inconsistent sizes) is a fault and changes nothing.
+//! Where the vehicle's pose in the local frame leaps, the frame has begun again: the map is cleared, which is a fault.
 //!
 //! # `prediction`
 //!

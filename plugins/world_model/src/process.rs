@@ -32,7 +32,15 @@ pub struct WorldModel {
     /// Acquisition time of the newest data that changed the map, by a clock that may have begun again.
     changed: Stamp,
     scrolled: u64,
+    /// Where the vehicle was at the last cycle with a pose: time, and position in the local frame, m.
+    was_at: Option<(Stamp, [f64; 2])>,
 }
+
+/// A vehicle that is farther from where it was than this and what it drives at [`FASTEST_MPS`] has not driven there: its
+/// local frame has begun again, m.
+const LEAP_M: f64 = 5.0;
+/// Faster than vehicles drive off roads, m/s.
+const FASTEST_MPS: f64 = 10.0;
 
 /// What a source has contributed since the start.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -138,6 +146,7 @@ impl Process for WorldModel {
             faded: None,
             changed: Stamp(0),
             scrolled: 0,
+            was_at: None,
         }
     }
 
@@ -150,10 +159,7 @@ impl Process for WorldModel {
         ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
         while let Some(command) = cx.next_command::<Self>() {
             match command {
-                WorldModelCommand::Clear => {
-                    self.map.clear();
-                    self.seen = Sources::default();
-                }
+                WorldModelCommand::Clear => self.forget(),
             }
         }
         let shape = (self.map.side(), self.map.grid().cell_size_m());
@@ -163,7 +169,7 @@ impl Process for WorldModel {
             local.clone_into(&mut self.local_frame);
             self.seen = Sources::default();
         }
-        let vehicle = self.scroll(params, cx.now());
+        let vehicle = self.scroll(params, cx);
         self.take_weights(ports, cx);
         let listed = Listed::of(params).with_learned(&self.learned);
         self.forget_unlisted(&listed);
@@ -202,11 +208,25 @@ fn empty(params: &WorldModelParams) -> Map {
 }
 
 impl WorldModel {
-    /// Centres the map on the vehicle; without a pose it stays in place.
-    fn scroll(&mut self, params: &WorldModelParams, now: Stamp) -> Option<Pose> {
+    fn forget(&mut self) {
+        self.map.clear();
+        self.seen = Sources::default();
+    }
+
+    /// Centres the map on the vehicle; without a pose it stays in place. Where the local frame has begun again, what was
+    /// known is elsewhere now, and is forgotten.
+    fn scroll(&mut self, params: &WorldModelParams, cx: &mut Cycle<'_>) -> Option<Pose> {
         // An unknown pose is not a fault here: there is none before the first message.
-        let pose = extrinsics(params).local_from_vehicle(&self.localizer, now).ok()?;
-        let exposed = self.map.recentre(pose.translation.truncate())?;
+        let pose = extrinsics(params).local_from_vehicle(&self.localizer, cx.now()).ok()?;
+        let at = pose.translation.truncate();
+        if let Some((then, was_at)) = self.was_at.replace((cx.now(), at.to_array())) {
+            let leap_m = at.distance(was_at.into());
+            if leap_m > LEAP_M + FASTEST_MPS * cx.now().seconds_since(then).abs() {
+                self.forget();
+                cx.fault(format!("the pose in the local frame leapt by {leap_m:.1} m; the map is cleared"));
+            }
+        }
+        let exposed = self.map.recentre(at)?;
         self.scrolled += exposed.len() as u64;
         Some(pose)
     }

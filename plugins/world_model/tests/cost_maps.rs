@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use glam::DVec2;
-use rcs_msg::foxglove::Grid;
+use rcs_msg::foxglove::{Grid, Odometry};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_testkit::bench::{Bench, Setup};
@@ -232,6 +232,33 @@ fn a_map_that_is_emptied_is_sent_also_without_a_pose() {
         assert_eq!(number(&bench, "cost"), Some(255.0));
     }
     assert_eq!(bench.latest::<Grid>("/wm1/map").frame_id, "map");
+}
+
+#[test]
+fn a_local_frame_that_begins_again_clears_the_map() {
+    let stack = STACK.replace("inputs = {", "inputs = { odometry = \"/operator/odometry\",");
+    let mut bench = Setup::new(&stack, &[ProcessType::of::<WorldModel>()]).bench();
+    let place = |bench: &mut Bench, x_m: f64| {
+        let pose = Some(rcs_msg::foxglove::Pose {
+            position: Some(rcs_msg::foxglove::Vector3 { x: x_m, ..Default::default() }),
+            orientation: Some(rcs_msg::foxglove::Quaternion { w: 1.0, ..Default::default() }),
+        });
+        let time_ms = bench.now_ms;
+        let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+        write_at(bench, "/operator/odometry", time_ms, odometry);
+        bench.cycles(50, 4);
+    };
+    place(&mut bench, 0.0);
+    bench.write("/operator/stereo", cost_map(&[("stereo", 250)]));
+    for x_m in [0.0, 2.0, 4.0, 8.0] {
+        place(&mut bench, x_m);
+        assert_eq!(number(&bench, "cost"), Some(250.0), "driven to {x_m} m");
+    }
+    assert_eq!(bench.faults("wm1"), (0, String::new()));
+    place(&mut bench, 0.0);
+    assert_eq!(number(&bench, "cost"), Some(255.0));
+    let why = "the pose in the local frame leapt by 8.0 m; the map is cleared";
+    assert_eq!(bench.faults("wm1"), (1, why.to_owned()));
 }
 
 #[test]

@@ -251,6 +251,9 @@ fn a_registered_map_stays_in_the_local_frame_while_the_position_estimate_changes
     // Fixes move the estimate by 2 m east, where there is nothing to compare.
     let now = Stamp(bench.now_ms * 1_000_000 + 1);
     locate(&mut bench, now, DVec2::new(4.0, 3.0));
+    for x_m in [-5.0, -10.0, -15.0] {
+        look(&mut bench, DVec2::new(x_m, 0.0), 0.2, ground_truth, 1);
+    }
     look(&mut bench, DVec2::new(-20.0, 0.0), 4.0, |_| 0, 20);
     assert_eq!(registered(&bench), Some(before));
     assert!(text(&bench).starts_with("remembers: moved by 2.0 m"), "{}", text(&bench));
