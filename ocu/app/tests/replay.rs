@@ -315,6 +315,24 @@ fn a_run_with_faults_replays_to_the_same_hash_and_a_fault_that_does_not_fit_is_r
 }
 
 #[test]
+fn a_vehicle_whose_perception_of_one_side_stops_stands() {
+    let left_m = |until: &str, fault: &[&str]| {
+        let stack =
+            ["run", "--stack", "lagr", "--course", "meadow", "--seed", "3", "--json", "--until", until];
+        // A process that is in ERROR at the end is told by the exit code.
+        let code = i32::from(!fault.is_empty());
+        run(&[&stack[..], fault].concat(), code)["runs"][0]["remaining_m"].as_f64().unwrap()
+    };
+    let sound_m = left_m("8", &[]);
+    for process in ["stereo_left", "obstacles_right"] {
+        let fault = format!("{process}:stopped@4");
+        let [stood_m, later_m] = ["6", "8"].map(|until| left_m(until, &["--fault", &fault]));
+        assert!((stood_m - later_m).abs() < 0.05, "{process}: {stood_m} m, then {later_m} m to the goal");
+        assert!(later_m > sound_m + 1.0, "{process}: {later_m} m, without a fault {sound_m} m to the goal");
+    }
+}
+
+#[test]
 fn a_fault_that_is_refused_leaves_existing_recordings_as_they_are_and_prints_no_report() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
