@@ -150,6 +150,13 @@ pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> 
     .inner
 }
 
+/// Paints widgets whose ids follow from this name, which is unique within the parent, and not from the count of the widgets
+/// before them: a press and its release are a click, and a drag goes on, although a widget before them comes or goes.
+pub fn named<R>(ui: &mut Ui, name: impl egui::AsIdSalt, add: impl FnOnce(&mut Ui) -> R) -> R {
+    let builder = egui::UiBuilder::new().scope_id(ui.scope_id().with(name));
+    ui.scope_builder(builder, add).inner
+}
+
 /// An icon centred at a point. The glyphs of the icon font are slightly too low, which is corrected here.
 pub fn icon_at(painter: &egui::Painter, center: egui::Pos2, icon: Icon, size: f32, color: Color32) {
     let at = center - Vec2::new(0.0, (size * 0.12).round());

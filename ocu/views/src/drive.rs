@@ -140,7 +140,8 @@ fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str, stopped: Option<&str
     if slider(ui, "Turn", &mut degrees, 5.0_f64.min(most)..=most, " °/s") {
         settings.turn_radps = degrees.to_radians();
     }
-    if *settings != DriveSettings::default() && ui.small_button("Usual speeds").clicked() {
+    let usual = |ui: &mut Ui| ui.small_button("Usual speeds").clicked();
+    if *settings != DriveSettings::default() && widgets::named(ui, "usual", usual) {
         *settings = DriveSettings::default();
     }
 }
@@ -152,7 +153,8 @@ fn slider(
     range: std::ops::RangeInclusive<f64>,
     unit: &str,
 ) -> bool {
-    ui.horizontal(|ui| {
+    // The notes above come and go while it is dragged.
+    let row = |ui: &mut Ui| {
         let weak = tokens(ui).weak;
         let (rect, _) = ui.allocate_exact_size(Vec2::new(36.0, 16.0), Sense::hover());
         ui.painter().text(
@@ -168,8 +170,8 @@ fn slider(
         let label = format!("{name} of a full push");
         response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &label));
         response.on_hover_text(&label).changed()
-    })
-    .inner
+    };
+    widgets::named(ui, name, |ui| ui.horizontal(row).inner)
 }
 
 fn hand(forward: f64, left: f64) -> Hand {

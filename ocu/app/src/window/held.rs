@@ -32,7 +32,7 @@ pub(super) fn menu(ui: &mut egui::Ui, form: Form, frame: &Frame, actions: &mut A
                 ui.label(egui::RichText::new(title).small().color(tokens(ui).weak));
             }
             for held in group {
-                ui.horizontal(|ui| {
+                let row = |ui: &mut egui::Ui| {
                     let is = if is_fault { ":" } else { " =" };
                     ui.label(widgets::mono(format!("{}{is} {}", held.target, held.what)));
                     let button = ui.button("Release");
@@ -43,10 +43,12 @@ pub(super) fn menu(ui: &mut egui::Ui, form: Form, frame: &Frame, actions: &mut A
                     if button.clicked() {
                         actions.push(TopBarAction::Release(Some(held.id)));
                     }
-                });
+                };
+                // One that ends while the mouse is pressed moves those after it.
+                widgets::named(ui, held.id, |ui| ui.horizontal(row).inner);
             }
         }
-        if held.len() > 1 && ui.button("Release all").clicked() {
+        if held.len() > 1 && widgets::named(ui, "all", |ui| ui.button("Release all").clicked()) {
             actions.push(TopBarAction::Release(None));
         }
     });

@@ -91,11 +91,13 @@ pub(super) fn ui(ui: &mut Ui, form: Form, state: StopState, pushed: bool) -> Opt
     let mut wish = None;
     let (stop, release) = if form == Form::Short { (SHORT_STOP, SHORT_RELEASE) } else { (STOP, RELEASE) };
     let (place, _) = ui.allocate_exact_size(release, Sense::hover());
+    // Also without the button in it, so that the id of the other one stays the same while it is pressed.
+    let mut beside = ui.new_child(egui::UiBuilder::new().max_rect(place));
     if state.can_be_released() {
         let icon = icons::ICON_LOCK_OPEN.codepoint;
         let text = if form == Form::Short { icon.to_owned() } else { format!("{icon}  Release") };
         let button = egui::Button::new(text).min_size(release);
-        let release = ui.new_child(egui::UiBuilder::new().max_rect(place)).add_enabled(!pushed, button);
+        let release = beside.add_enabled(!pushed, button);
         release.widget_info(|| WidgetInfo::labeled(Role::Button, !pushed, "Release"));
         let release = release
             .on_hover_text(
@@ -137,4 +139,41 @@ fn paint(ui: &Ui, rect: Rect, look: &Look, hovered: bool) {
     widgets::icon_at(&painter, egui::pos2(left + 8.0, rect.center().y + 1.0), look.icon, 16.0, look.ink);
     let at = egui::pos2(left + 24.0, rect.center().y - galley.size().y / 2.0);
     painter.galley(at, galley, look.ink);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use std::cell::Cell;
+
+    #[test]
+    fn a_press_on_the_stop_counts_although_the_state_changes_before_the_release() {
+        let late = StopState::Asked { active: true, late: true };
+        for [first, then] in [
+            [StopState::Braking, late],
+            [late, StopState::Braking],
+            [StopState::Braking, StopState::Clear],
+            [StopState::Clear, StopState::Braking],
+        ] {
+            let (state, stops) = (Cell::new(first), Cell::new(0));
+            let mut harness = Harness::builder()
+                .with_size(Vec2::new(400.0, 60.0))
+                .with_context_setup(ocu_ui::install)
+                .build_ui(|ui| {
+                    let wish = ui.horizontal(|ui| super::ui(ui, Form::Full, state.get(), false)).inner;
+                    stops.set(stops.get() + u32::from(wish == Some(true)));
+                });
+            harness.run();
+            let at = harness.get_by_label_contains("Emergency stop").rect().center();
+            harness.drag_at(at);
+            harness.step();
+            state.set(then);
+            harness.step();
+            harness.drop_at(at);
+            harness.step();
+            assert_eq!(stops.get(), 1, "{first:?}, then {then:?}");
+        }
+    }
 }

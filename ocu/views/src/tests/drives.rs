@@ -62,6 +62,26 @@ fn obeyed(age_s: f64) -> Topic {
     samples::topic("/vehicle_interface/vehicle", 50.0, age_s, status)
 }
 
+#[test]
+fn a_drag_of_one_slider_stays_its_own_although_a_note_above_it_comes_or_goes() {
+    for [first, then] in
+        [[samples::driving(), driving_with(obeyed(0.02))], [driving_with(obeyed(0.02)), samples::driving()]]
+    {
+        let mut harness = drive(first);
+        let before = harness.state().selection.drive;
+        let at = harness.get_by_label("Turn of a full push").rect();
+        harness.drag_at(at.left_center() + Vec2::new(20.0, 0.0));
+        harness.step();
+        harness.state_mut().frame = then;
+        harness.step();
+        harness.hover_at(at.left_center() + Vec2::new(2.0, 0.0));
+        harness.step();
+        let after = harness.state().selection.drive;
+        assert_eq!(after.speed_mps, before.speed_mps);
+        assert_ne!(after.turn_radps, before.turn_radps);
+    }
+}
+
 /// The drive view of a stopped vehicle tells this, and none of its buttons drives.
 fn check_stopped(frame: Frame, can_release: bool, told: &str) {
     let mut shown = Shown::new("drive", frame);
