@@ -102,9 +102,8 @@ impl<'a, C> Bar<'a, C> {
         // appears while the button is down.
         let ui = &mut ui.new_child(UiBuilder::new().scope_id(id).max_rect(rect));
         let gap = ui.spacing().item_spacing.x;
-        let before: Widths = ui.data(|data| data.get_temp(id)).unwrap_or_default();
-        let mut known = before.clone();
-        self.measure(ui, rect, &mut known, cx);
+        let mut known: Widths = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+        let has_measured = self.measure(ui, rect, &mut known, cx);
         let mut widths = known.clone();
         let forms = forms(&self.shapes(&known), rect.width(), gap);
         let mut listed: Vec<usize> = Vec::new();
@@ -163,7 +162,7 @@ impl<'a, C> Bar<'a, C> {
                 Rect::from_min_size(Pos2::new(right + gap, rect.top()), Vec2::new(MORE, rect.height()));
             self.menu(ui, place, &listed, cx);
         }
-        if widths != before {
+        if has_measured || widths != known {
             ui.data_mut(|data| data.insert_temp(id, widths));
             ui.ctx().request_discard("the items of a bar changed their widths");
             ui.ctx().request_repaint();
@@ -171,8 +170,10 @@ impl<'a, C> Bar<'a, C> {
     }
 
     /// Learns the unknown widths of the forms in the bar, so that each item has its form at once. Otherwise each item that
-    /// becomes short would tell only then how much room it leaves, and the bar would take a pass for each of them.
-    fn measure(&mut self, ui: &mut Ui, rect: Rect, widths: &mut Widths, cx: &mut C) {
+    /// becomes short would tell only then how much room it leaves, and the bar would take a pass for each of them. Returns
+    /// whether there were any.
+    fn measure(&mut self, ui: &mut Ui, rect: Rect, widths: &mut Widths, cx: &mut C) -> bool {
+        let count = widths.len();
         for item in self.items.iter_mut().filter(|item| !matches!(item.fit, Fit::Stretches(_))) {
             for form in [Form::Full, Form::Short] {
                 widths.entry((item.name, form)).or_insert_with(|| {
@@ -187,6 +188,7 @@ impl<'a, C> Bar<'a, C> {
                 });
             }
         }
+        widths.len() > count
     }
 
     /// The items that found no room.
