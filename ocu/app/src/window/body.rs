@@ -1,47 +1,38 @@
-//! The contents of the window.
+//! The contents of the window: their state, and one pass over them.
 
 use super::alarm_sound::AlarmSound;
 use super::bookmarks::Bookmarks;
-use super::commands::Needs;
 use super::density;
 use super::document::Document;
 use super::file_dialogs::FileDialogs;
 use super::focus::show_focus;
-use super::follow::{Follow, is_unfinished};
+use super::follow::Follow;
 use super::frames::FramePolicy;
 use super::keymap::Keymap;
 use super::known_alarms::KnownAlarms;
 use super::layout_store::LayoutStore;
 use super::leaving::Leaving;
-use super::load_param::LoadParam;
-use super::memory;
 use super::notices::{Matter, Notices};
-use super::open::{self, Invited, Opener};
+use super::open::Opener;
 use super::operate::{Operating, StopState};
-use super::palette::{Choice, KeyList, Palette};
+use super::palette::{KeyList, Palette};
 use super::recording::Told;
-use super::save_params::SaveParams;
 use super::state_lane;
 use super::sweeping::Sweeping;
 use super::timeline::Timeline;
-use super::top_bar;
-use super::top_state::{self, TopBarAction};
-use super::tree::{Workspace, view_menu};
-use crate::bundled;
+use super::tree::Workspace;
 use crate::layout::Layout;
 use crate::open::Request;
-use ocu_ui::{icons, tokens, widgets};
-use ocu_views::{Drafts, Selection, View, ViewContext, Wish};
+use ocu_ui::tokens;
+use ocu_views::{Selection, View};
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Compared, Control, Driver, Frame, Source, SourceKind};
+use rcs_runtime::source::{Compared, Control, Driver, Frame};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Repaint interval while the progress of a long operation is shown.
 const LOOK_AGAIN: Duration = Duration::from_millis(150);
-/// Time of a run at which a robot that stands before its course is shown, ns.
-const STANDS_NS: u64 = 600_000_000;
 
 /// Initial state of a window.
 #[derive(Debug, Default)]
@@ -108,9 +99,9 @@ pub struct Window {
     /// The runs that the source was last asked to show beside the viewed one.
     pub(super) watched: Vec<RunId>,
     /// The fields that the source was last asked to gather.
-    gathered: Vec<rcs_formula::FieldRef>,
+    pub(super) gathered: Vec<rcs_formula::FieldRef>,
     /// What the source was last asked to compare.
-    compared: Vec<[Compared; 2]>,
+    pub(super) compared: Vec<[Compared; 2]>,
     pub(super) frames: FramePolicy,
     /// Number of runs of the source that the user knows of.
     pub(super) known_runs: usize,
@@ -197,90 +188,6 @@ impl Window {
     /// The state of the source at the time being shown.
     pub fn frame(&self) -> Option<Arc<Frame>> {
         self.shown.frame()
-    }
-
-    /// Shows an open source in place of the previous one.
-    pub(super) fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
-        let Some(driver) = self.drive(&request, source) else { return };
-        self.follow = Follow::of(&request, &driver.frame(), &self.ctx);
-        let is_same = request == self.current;
-        if let Some(workspace) = self.workspace.as_mut().filter(|_| !is_same) {
-            // Unsent edits belong to the source before.
-            *workspace = Workspace::new(&workspace.layout(self.buffers_open));
-        }
-        self.arrange_for(&driver.frame());
-        if request.waits() {
-            // By then its cameras have seen the course, and it has hardly moved.
-            driver.send(Control::Seek(driver.frame().info.start.after_ns(STANDS_NS)));
-            let text = "the robot stands before its course: Play (space) sends it to the goal";
-            self.notices.news(Matter::Open, text);
-        } else if driver.frame().info.kind == SourceKind::Stack {
-            // A stack has nothing to show until it runs.
-            driver.send(Control::Play);
-        }
-        if let Some(remembered) = request.remembered.as_deref().filter(|_| request.stack.is_some()) {
-            let names = remembered.in_force(&driver.frame()).join(", ");
-            let text = format!("begins with what an earlier run remembers: {names}");
-            self.notices.news(Matter::Run, text);
-        }
-        if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
-            memory::close(old);
-        }
-        self.watched.clear();
-        self.gathered.clear();
-        self.compared.clear();
-        (self.known_runs, self.known_alarms) = (0, KnownAlarms::default());
-        self.leaving = Leaving::default();
-        self.marks = Bookmarks::of(request.log.as_deref());
-        self.current = request;
-        self.dialogs.other.clear();
-        self.timeline.forget();
-        self.operating.forget();
-        self.alarm_sound.forget();
-        // The speeds of manual driving are kept, and where the same source begins again, what was not sent.
-        let old = std::mem::take(&mut self.selection);
-        let drafts = if is_same { old.drafts.after_restart() } else { Drafts::default() };
-        self.selection = Selection { drive: old.drive, drafts, ..Selection::default() };
-    }
-
-    /// A thread that plays a source.
-    fn drive(&mut self, request: &Request, source: Box<dyn Source>) -> Option<Driver> {
-        let ctx = self.ctx.clone();
-        // A repaint without a delay is done twice; a frame needs one.
-        let wake = move || ctx.request_repaint_after(Duration::from_millis(1));
-        let driver = Driver::spawn(source, wake).map_err(|error| {
-            let text = format!("no thread to play {}: {error}", request.title());
-            self.notices.error(Matter::Open, text);
-        });
-        driver.ok()
-    }
-
-    /// Shows more of a recording that is still being written, in place of what was known of it.
-    fn follow(&mut self) {
-        let Some(old) = self.frame() else { return };
-        let Some(source) = self.follow.as_ref().and_then(|follow| follow.poll(old.now)) else { return };
-        let request = self.current.clone();
-        let Some(driver) = self.drive(&request, source) else { return };
-        let (playback, new) = (&old.playback, driver.frame());
-        self.follow = self.follow.take().filter(|_| is_unfinished(&new));
-        driver.send(Control::Speed(playback.speed));
-        driver.send(Control::Loop(playback.looping));
-        driver.send(Control::Watch(self.watched.clone()));
-        driver.send(Control::Gather(self.gathered.clone()));
-        driver.send(Control::Against(self.dialogs.other.clone()));
-        driver.send(Control::Compare(self.compared.clone()));
-        match new.info.end {
-            // Whoever looks at the end goes on looking at it.
-            Some(end) if old.info.end.is_some_and(|end| old.now >= end) => driver.send(Control::Seek(end)),
-            _ if new.now != old.now => driver.send(Control::Seek(old.now)),
-            _ => {}
-        }
-        if playback.playing {
-            driver.send(Control::Play);
-        }
-        if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
-            memory::close(old);
-        }
     }
 
     /// Stores the arrangement for the next start, and waits until that is done.
@@ -412,162 +319,6 @@ impl Window {
             run.id, from.run
         );
         self.notices.news(Matter::Run, text);
-    }
-
-    fn top(&self, ui: &mut egui::Ui, frame: Option<&Frame>) -> Vec<TopBarAction> {
-        let layout_name = self.workspace.as_ref().map_or("", Workspace::name);
-        let state = top_state::State {
-            frame,
-            current: &self.current,
-            opening: self.opener.opening(),
-            recent: self.opener.recent(),
-            buffers_open: self.buffers_open,
-            layout_name,
-            layouts: &self.layout_store,
-            keymap: &self.keymap,
-            stop: frame.map(|frame| self.operating.stop_state(frame)).unwrap_or_default(),
-            pushed: self.operating.is_pushed(),
-            known_until: frame.map(|frame| self.known_alarms.until(&frame.runs)).unwrap_or_default(),
-            alarm_sound: &self.alarm_sound,
-            grows: self.follow.as_ref().is_some_and(Follow::is_growing),
-        };
-        top_bar::ui(ui, &state)
-    }
-
-    /// The timeline, the buffers and the views; returns the region of the views.
-    fn source_ui(
-        &mut self,
-        ui: &mut egui::Ui,
-        frame: &Frame,
-        bar: egui::Frame,
-        controls: &mut Vec<Control>,
-    ) -> egui::Rect {
-        let bottom = egui::Panel::bottom("timeline").frame(bar).resizable(false);
-        let busy = if let Shown::Live(driver) = &self.shown { driver.busy() } else { None };
-        bottom.show(ui, |ui| {
-            let Self { timeline, selection, marks, .. } = self;
-            timeline.ui(ui, frame, selection, busy, marks, controls);
-        });
-        let mut wishes = Vec::new();
-        let mut cx = ViewContext { frame, controls, selection: &mut self.selection, wishes: &mut wishes };
-        if let Some(buffers) = self.buffers.as_mut().filter(|_| self.buffers_open) {
-            let panel = egui::Frame::new().fill(tokens(ui).panel());
-            // In a narrow window it takes at most half of the room.
-            let most = (0.5 * ui.available_width()).clamp(96.0, 600.0);
-            let left = egui::Panel::left("buffers")
-                .frame(panel)
-                .default_size(300.0_f32.min(most))
-                .size_range(most.min(180.0)..=most);
-            left.show(ui, |ui| {
-                ui.push_id("buffers", |ui| ocu_views::show(buffers.as_mut(), ui, &mut cx));
-            });
-        }
-        let middle = egui::Frame::new().fill(tokens(ui).canvas());
-        let middle = egui::CentralPanel::default().frame(middle).show(ui, |ui| match &mut self.workspace {
-            Some(workspace) if !workspace.is_empty() => workspace.ui(ui, &mut cx),
-            _ => {
-                widgets::empty(
-                    ui,
-                    icons::ICON_DASHBOARD,
-                    "No view is open",
-                    "Add one, or choose a layout above.",
-                );
-                ui.vertical_centered(|ui| {
-                    let chosen = ui.menu_button("Add a view", view_menu).inner.flatten();
-                    if let Some(view_type) = chosen {
-                        self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
-                    }
-                });
-            }
-        });
-        for wish in wishes {
-            match wish {
-                Wish::SaveParams { process, params } => {
-                    self.dialogs.save_params = Some(SaveParams::new(&self.current, &process, &params));
-                }
-                Wish::SaveMessage { topic, message } => {
-                    if let Err(error) = self.dialogs.save_message(&topic, &message) {
-                        self.notices.error(Matter::Run, error.to_string());
-                    }
-                }
-                Wish::LoadParam { process, field, in_force } => {
-                    self.dialogs.load_param = Some(LoadParam::new(process, field, in_force));
-                }
-                Wish::Show { topic, drawn } => {
-                    let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
-                    workspace.show_topic(frame, &topic, drawn);
-                    ui.ctx().request_repaint();
-                }
-                Wish::Command { process, command } => {
-                    let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
-                    workspace.choose_command(&process, &command);
-                    ui.ctx().request_repaint();
-                }
-                Wish::Plot(field) => {
-                    let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
-                    workspace.plot(&field);
-                    ui.ctx().request_repaint();
-                }
-                Wish::ChooseOther => self.dialogs.choose_other(),
-                Wish::Sweep(request) => self.sweeping.start(ui.ctx(), &request),
-                Wish::CancelSweep => self.sweeping.cancel(),
-                Wish::OpenRun { path, title } => {
-                    let past = self.current.past.clone();
-                    let run = Some(Box::new(self.sweeping.swept(title)));
-                    let request = Request { log: Some(path), past, run, ..Request::default() };
-                    self.open_asking(request, controls);
-                }
-                Wish::SaveFile { name, content } => self.dialogs.save_file.ask(&name, content),
-                Wish::SavePicture { name, area } => self.dialogs.save_file.ask_picture(ui.ctx(), &name, area),
-            }
-        }
-        middle.response.rect
-    }
-
-    fn empty_ui(&mut self, ui: &mut egui::Ui) -> egui::Rect {
-        let middle = egui::Frame::new().fill(tokens(ui).canvas());
-        let invited =
-            egui::CentralPanel::default().frame(middle).show(ui, |ui| match self.opener.opening() {
-                Some(title) => {
-                    open::waiting(ui, &title);
-                    None
-                }
-                None => open::invitation(ui, self.opener.recent()),
-            });
-        match invited.inner {
-            Some(Invited::Ask) => self.opener.ask(),
-            Some(Invited::Open(request)) => self.opener.open(request),
-            None => {}
-        }
-        invited.response.rect
-    }
-
-    fn key_list_ui(&mut self, ui: &egui::Ui) {
-        if self.key_list.is_open() {
-            self.key_list.ui(ui.ctx(), &mut self.keymap);
-        }
-    }
-
-    fn palette_ui(&mut self, ui: &egui::Ui, frame: Option<&Frame>, controls: &mut Vec<Control>) {
-        if !self.palette.is_open() {
-            return;
-        }
-        let layouts = bundled::names("layout").into_iter().map(str::to_owned);
-        let layouts: Vec<String> = layouts.chain(self.layout_store.own_names().iter().cloned()).collect();
-        let state = frame.map(|frame| (frame.info.kind, self.operating.stop_state(frame)));
-        let can = |needs| match needs {
-            Needs::Nothing => true,
-            Needs::Source => state.is_some(),
-            Needs::Stack => state.is_some_and(|(kind, _)| kind != SourceKind::Log),
-            Needs::Vehicle => state.is_some_and(|(_, stop)| stop != StopState::None),
-        };
-        match self.palette.ui(ui.ctx(), &self.keymap, &layouts, can) {
-            Some(Choice::Command(command)) => self.run(command, frame, controls),
-            Some(Choice::View(view_type)) => self.perform(TopBarAction::AddView(view_type), frame, controls),
-            Some(Choice::Layout(name)) => self.perform(TopBarAction::Layout(name), frame, controls),
-            None => return,
-        }
-        self.record_layout();
     }
 }
 
