@@ -40,13 +40,14 @@ fn param(plan: &Plan, process: &str, name: &str) -> f64 {
 }
 
 #[test]
-fn who_drives_and_the_vehicle_interface_have_the_greatest_speeds_of_the_vehicle() {
+fn who_drives_the_vehicle_interface_and_the_motion_by_images_have_the_greatest_speeds_of_the_vehicle() {
     for (speed_mps, wheel_mps) in [(2.0, 2.5), (0.8, 0.9)] {
         let vehicle = vehicle(speed_mps, wheel_mps);
         let plan = planned("lagr", &vehicle);
         assert_eq!(param(&plan, "vehicle_interface", "max_speed_mps"), speed_mps);
         assert_eq!(param(&plan, "vehicle_interface", "max_wheel_speed_mps"), wheel_mps);
         assert_eq!(param(&plan, "waypoint_follower", "max_speed_mps"), speed_mps);
+        assert_eq!(param(&plan, "visual_motion", "vehicle_speed_mps"), speed_mps);
         let plan = planned("truth_driver", &vehicle);
         assert_eq!(param(&plan, "vehicle_interface", "max_speed_mps"), speed_mps);
         assert_eq!(param(&plan, "truth_driver", "vehicle_speed_mps"), speed_mps);

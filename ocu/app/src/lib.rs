@@ -55,6 +55,7 @@ mod runs;
 pub mod sample;
 pub mod stack_edit;
 pub mod stack_tool;
+mod stack_warnings;
 pub mod stacks;
 pub mod sweep;
 mod table;

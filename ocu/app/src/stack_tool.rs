@@ -3,12 +3,8 @@
 use crate::cli::{Param, StackCheckArgs, StackCommand, StackShowArgs};
 use crate::{Ended, Usage, stacks};
 use anyhow::Context as _;
-use rcs_msg::Value;
-use rcs_msg::params::{ParamKind, ParamSpec, specs};
-use rcs_msg::rcs::PoseSource;
 use rcs_runtime::{Plan, PortDef, ProcessPlan, Role};
 use serde::Serialize;
-use std::collections::BTreeMap;
 use std::io::Write;
 
 /// Executes `ocu stack …`.
@@ -68,8 +64,6 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
             findings.warnings.extend(useless_outputs(&plan));
             let unread = unread_outputs(&plan).into_iter();
             findings.unread = unread.map(|(_, _, buffer)| plan.buffers[buffer].spec.name.clone()).collect();
-            findings.warnings.extend(differing_frames(&plan));
-            findings.warnings.extend(plan.processes.iter().flat_map(unused_mounts));
         }
         // There is no stack to check.
         Err(error) if error.is::<Usage>() => return Err(error),
@@ -139,97 +133,4 @@ fn useless_outputs(plan: &Plan) -> Vec<String> {
         is_useless.then(|| format!("{} of {} is read by no process{unwired}", spec.name, process.name))
     };
     unread_outputs(plan).into_iter().filter_map(warning).collect()
-}
-
-/// Frame parameters with the same name but different values in two connected processes.
-fn differing_frames(plan: &Plan) -> Vec<String> {
-    let frames: Vec<BTreeMap<String, String>> = plan.processes.iter().map(frames).collect();
-    let mut warnings = Vec::new();
-    for (reader, process) in plan.processes.iter().enumerate() {
-        for (writer, source) in plan.processes.iter().enumerate() {
-            let connected = source.outputs.iter().any(|&buffer| process.inputs.contains(&Some(buffer)));
-            if !connected || reader == writer {
-                continue;
-            }
-            for (name, frame) in &frames[reader] {
-                let Some(other) = frames[writer].get(name).filter(|other| *other != frame) else { continue };
-                warnings.push(format!(
-                    "{} is {frame:?} in {} and {other:?} in {}, which it reads",
-                    name, process.name, source.name
-                ));
-            }
-        }
-    }
-    warnings
-}
-
-/// Whether a process learns where its vehicle is: from what is wired, or because it is fixed.
-fn knows_its_pose(process: &ProcessPlan, tree: &Value, group: &str) -> bool {
-    let is_wired = |port: &PortDef, wire: &Option<usize>| {
-        wire.is_some() && ["odometry", "pose", "transforms"].contains(&port.name)
-    };
-    let source = format!(".{group}.source").parse().ok().and_then(|path| tree.get(&path).ok());
-    let fixed = PoseSource::PoseFixed as i32;
-    let is_fixed = matches!(source.as_deref(), Some(Value::Enum { number, .. }) if *number == fixed);
-    is_fixed || process.kind.inputs().iter().zip(&process.inputs).any(|(port, wire)| is_wired(port, wire))
-}
-
-/// Mounts of which something is set and that are not used, since transforms give the sensor's pose.
-fn unused_mounts(process: &ProcessPlan) -> Vec<String> {
-    let Some(descriptor) = process.params.schema().descriptor().cloned() else { return Vec::new() };
-    let Ok(tree) = process.params.value() else { return Vec::new() };
-    let mut warnings = Vec::new();
-    for group in specs(&descriptor).iter().filter(|spec| spec.kind == ParamKind::Group) {
-        let is_mount = ["fixed", "height_m"].map(|name| group.fields.iter().any(|field| field.name == name));
-        if is_mount != [true, true] {
-            continue;
-        }
-        let value = |field: &ParamSpec| {
-            let path = format!(".{}.{}", group.name, field.name).parse().ok()?;
-            tree.get(&path).ok().map(std::borrow::Cow::into_owned)
-        };
-        let is_fixed = |field: &&ParamSpec| field.name == "fixed" && value(field) == Some(Value::Bool(true));
-        let is_set = |field: &&ParamSpec| value(field).is_some_and(|value| value != field.default);
-        if let Some(set) = group.fields.iter().find(is_set)
-            && !group.fields.iter().any(|field| is_fixed(&field))
-        {
-            let (name, mount) = (&process.name, &group.name);
-            warnings.push(format!(
-                "{name}: {mount}.{} is set, but {mount}.fixed is not: transforms give the sensor's pose",
-                set.name
-            ));
-        }
-    }
-    warnings
-}
-
-/// The parameters of a process that name coordinate frames, by name.
-fn frames(process: &ProcessPlan) -> BTreeMap<String, String> {
-    let mut frames = BTreeMap::new();
-    let Some(descriptor) = process.params.schema().descriptor().cloned() else { return frames };
-    let Ok(tree) = process.params.value() else { return frames };
-    let mut take = |path: &str, name: &str| {
-        let Ok(path) = path.parse() else { return };
-        if let Ok(value) = tree.get(&path)
-            && let Value::Text(frame) = &*value
-        {
-            frames.insert(name.to_owned(), frame.clone());
-        }
-    };
-    for spec in specs(&descriptor) {
-        if spec.kind == ParamKind::Text && spec.name.ends_with("_frame") {
-            take(&format!(".{}", spec.name), &spec.name);
-        }
-        // Where nothing tells the vehicle's pose, the names of its frames are not used.
-        let is_pose = spec.fields.iter().any(|field| field.name == "stream_frame");
-        if is_pose && !knows_its_pose(process, &tree, &spec.name) {
-            continue;
-        }
-        for inner in spec.fields.iter().filter(|_| spec.kind == ParamKind::Group) {
-            if inner.kind == ParamKind::Text && inner.name.ends_with("_frame") {
-                take(&format!(".{}.{}", spec.name, inner.name), &inner.name);
-            }
-        }
-    }
-    frames
 }

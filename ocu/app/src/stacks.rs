@@ -4,13 +4,13 @@ use crate::assets::{ProgramAssets, looks_like_path, read_text};
 use crate::bundled;
 use crate::open::{Request, SweptRun};
 use crate::remembered::Remembered;
-use crate::{parts, usage};
+use crate::{parts, stack_warnings, usage};
 use anyhow::Context as _;
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::AnyMessage;
 use rcs_msg::rcs::CourseRun;
 use rcs_runtime::source::{LogSource, Source, StackSource};
-use rcs_runtime::{Plan, PlanOptions, RecordedRun, RunOptions, StackError, StackFile};
+use rcs_runtime::{Plan, PlanOptions, ProcessPlan, RecordedRun, RunOptions, StackError, StackFile};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
@@ -60,8 +60,15 @@ pub(crate) fn text_of(spec: &str) -> anyhow::Result<(String, String)> {
 
 /// The stack named by the user, checked against the plugins, with parameters and course from the command line.
 pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) -> anyhow::Result<Arc<Plan>> {
-    let options = PlanOptions { overrides, course, assets: &ProgramAssets };
-    Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
+    checked(spec, &PlanOptions { overrides, course, assets: &ProgramAssets })
+}
+
+/// The stack named by the user, checked with these options, with all that is probably a mistake in it.
+fn checked(spec: &str, options: &PlanOptions<'_>) -> anyhow::Result<Arc<Plan>> {
+    let mut plan = Plan::with(named(spec)?, rcs_plugins::all(), options)?;
+    let warnings = stack_warnings::of(&plan);
+    plan.warnings.extend(warnings);
+    Ok(Arc::new(plan))
 }
 
 /// Like [`plan`], with what an earlier run remembers, as far as the stack has parameters for it.
@@ -77,8 +84,7 @@ pub(crate) fn plan_with(
         return Ok(plain);
     }
     let overrides: Vec<(String, String)> = overrides.iter().cloned().chain(own).collect();
-    let options = PlanOptions { overrides: &overrides, course, assets: remembered };
-    Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
+    checked(spec, &PlanOptions { overrides: &overrides, course, assets: remembered })
 }
 
 /// Opens a recording with the message codecs of all plugins: a file, or the files into which it was split, of which the
@@ -153,6 +159,23 @@ pub(crate) fn course_on(
         return Ok(None);
     }
     Ok(Some(course))
+}
+
+/// Warns of parameters that the operator sent during the recorded run that a stack reads: the stack has its own ones.
+pub(crate) fn warn_of_sent_parameters(plan: &Plan, log: &Log) {
+    let Ok(recorded) = RecordedRun::read(log, rcs_plugins::all()) else { return };
+    let is_sent = |process: &&ProcessPlan| {
+        let buffer = &plan.buffers[process.params_buffer].spec.name;
+        recorded.journal().events().iter().any(|event| *buffer == *event.buffer)
+    };
+    let sent: Vec<&str> = plan.processes.iter().filter(is_sent).map(|process| &*process.name).collect();
+    if !sent.is_empty() {
+        tracing::warn!(
+            "parameters that the operator sent to {} during the recorded run are not in force in a run on it; it has \
+             those of the stack and of --param",
+            sent.join(", ")
+        );
+    }
 }
 
 /// Opens a source: a recording, a stack on a recording, or a stack alone (on a course if it is a simulation).
@@ -263,6 +286,18 @@ mod tests {
             }
         }
         assert!(overlays > 4, "{overlays}");
+    }
+
+    #[test]
+    fn what_is_probably_a_mistake_in_a_stack_is_a_problem_of_its_source() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("mine.toml");
+        let text = "format = 1\nname = \"mine\"\n[[process]]\nname = \"obstacles\"\nplugin = \"obstacles\"\n\
+                    supervisor = \"viewer\"\nparams = { mount = { height_m = 1.5 } }\n";
+        std::fs::write(&path, text).unwrap();
+        let request = Request { stack: path.to_str().map(str::to_owned), ..Request::default() };
+        let problems = open(&request).unwrap().frame().info.problems.clone();
+        assert!(problems.len() == 1 && problems[0].contains("mount.height_m is set"), "{problems:?}");
     }
 
     #[test]

@@ -137,6 +137,9 @@ impl<'a> Prepared<'a> {
         // Whether a fault fits depends on processes, buffers and schemas, which all runs have in common.
         if let Some(first) = variants.first() {
             acts::check_faults(&first.plan, log.as_ref(), &first.acts)?;
+            if let Some(log) = &log {
+                stacks::warn_of_sent_parameters(&first.plan, log);
+            }
         }
         check_files(args, &variants)?;
         Ok(Self { args, variants, log })

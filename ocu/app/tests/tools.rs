@@ -333,6 +333,17 @@ fn a_check_tells_what_is_probably_not_meant() {
 }
 
 #[test]
+fn a_run_tells_once_and_not_in_its_report_what_is_probably_a_mistake_in_the_stack() {
+    let (_dir, log, stack) = depth_without_calibration();
+    let plain = std::fs::read_to_string(&stack).unwrap();
+    std::fs::write(&stack, plain + "params = { mount = { height_m = 1.5 } }\n").unwrap();
+    let (code, out, errors) = ocu(&["run", "--stack", text(&stack), "--log", text(&log), "--json"]);
+    assert_eq!(code, 0, "{errors}");
+    assert_eq!(errors.matches("obstacles: mount.height_m is set").count(), 1, "{errors}");
+    assert!(json(&out)["warnings"].is_array() && !out.contains("mount.height_m"), "{out}");
+}
+
+#[test]
 fn a_check_tells_that_the_file_of_a_course_replaces_that_of_the_stack() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("mine.toml");

@@ -14,8 +14,11 @@ use rcs_msg::rcs::{self, CourseOutcome};
 use rcs_runtime::Role::Mission;
 use rcs_runtime::source::{Frame, Topic};
 
-/// Width of the name column.
+/// Width of the name column, and of that of the motion in a narrow view.
 const NAMES: f32 = 80.0;
+const NARROW_NAMES: f32 = 36.0;
+/// Where less width is left for the motion, its columns are narrower, so that values keep their units.
+const MOTION: f32 = 224.0;
 /// Size of a drive button, and the gap between two of them.
 const KEY: f32 = 44.0;
 const GAP: f32 = 4.0;
@@ -232,18 +235,24 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
         ui.add(egui::Label::new(&status.stop_reason).wrap());
     }
     let person = inputs.teleop.as_deref().and_then(|teleop| commanded(frame, teleop));
-    let dash = || "     –".to_owned();
+    let (names, digits, gap, head) = if ui.available_width() < MOTION {
+        (NARROW_NAMES, 5, " ", "wanted  now")
+    } else {
+        (NAMES, 6, "  ", "wanted    now")
+    };
+    let dash = || format!("{:>digits$}", "–");
     let or_dash = |value: f64, text: String| if value.is_nan() { dash() } else { text };
     // Rounded first, so that a small negative number is not shown as "-0.0".
-    let turn =
-        |radps: f64| or_dash(radps, format!("{:6.1}", (radps.to_degrees() * 10.0).round() / 10.0 + 0.0));
+    let turn = |radps: f64| {
+        or_dash(radps, format!("{:digits$.1}", (radps.to_degrees() * 10.0).round() / 10.0 + 0.0))
+    };
     let wanted_turn = person.and_then(|command| command.yaw_rate_radps).map_or_else(dash, turn);
     let ink = if old { tokens.stale } else { tokens.text };
     let row = |ui: &mut Ui, name: &str, wanted: String, measured: String, unit: &str| {
-        name_value(ui, NAMES, name, mono(format!("{wanted}  {measured} {unit}")).color(ink));
+        name_value(ui, names, name, mono(format!("{wanted}{gap}{measured} {unit}")).color(ink));
     };
-    name_value(ui, NAMES, "", mono("wanted    now").color(tokens.weak));
-    let speed = |mps: f64| or_dash(mps, format!("{:6.2}", (mps * 100.0).round() / 100.0 + 0.0));
+    name_value(ui, names, "", mono(head).color(tokens.weak));
+    let speed = |mps: f64| or_dash(mps, format!("{:digits$.2}", (mps * 100.0).round() / 100.0 + 0.0));
     let [wanted, now] = [status.wanted_speed_mps, status.speed_mps].map(speed);
     row(ui, "Speed", wanted, now, "m/s");
     row(ui, "Turn", wanted_turn, turn(status.yaw_rate_radps), "°/s");

@@ -104,13 +104,7 @@ fn events() -> Events {
     let lines = [
         (9.0, EventKind::Command, EventLevel::Info, "planner", "RUN (3)"),
         (7.5, EventKind::Mode, EventLevel::Info, "planner", "EXEC · RUN · drives along the path"),
-        (
-            4.0,
-            EventKind::Error,
-            EventLevel::Warning,
-            "stereo",
-            "1 inputs not used: the images differ in size",
-        ),
+        (4.0, EventKind::Error, EventLevel::Warning, "stereo", "1 input not used: the images differ in size"),
         (2.0, EventKind::Bumper, EventLevel::Warning, "/vehicle/status", "bumper hit, left"),
         (1.0, EventKind::Operator, EventLevel::Info, "/operator/teleop", "drives by hand"),
         (0.5, EventKind::Error, EventLevel::Error, "driver", "ERROR · RUN · no pose for 2 s"),

@@ -20,6 +20,8 @@ const LONGEST_S: f64 = 0.6;
 const SAME_S: f64 = 0.002;
 /// When no depth has had its image for this long, that is a fault, s.
 const LONGEST_WAIT_S: f64 = 1.0;
+/// Motion is searched up to this many times the greatest speed of the vehicle, which is a little faster downhill.
+const FASTER: f64 = 1.15;
 
 /// State: the poses of the last seconds, the camera, the points of the image before, and whether a depth waits for its image.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -148,6 +150,11 @@ impl Process for VisualMotion {
     }
 }
 
+/// Motion ahead by up to this speed is searched, m/s.
+fn searched_mps(params: &VisualMotionParams) -> f64 {
+    params.max_speed_mps.max(FASTER * params.vehicle_speed_mps)
+}
+
 /// The newest image, if it belongs to a depth.
 fn image_of(newest: Option<Msg<RawImage>>, depth: &Msg<RawImage>) -> Result<Msg<RawImage>, Unusable> {
     let image = newest.ok_or(Unusable::NoImage)?;
@@ -201,7 +208,7 @@ impl VisualMotion {
         };
         let turn =
             local_from_vehicle.rotation_matrix().transpose() * before.local_from_vehicle.rotation_matrix();
-        let most_m = params.max_speed_mps * time.seconds_since(before.time);
+        let most_m = searched_mps(params) * time.seconds_since(before.time);
         let found = motion(&before.points, &grey, &camera, turn, [-0.5 * most_m, most_m]);
         Ok(found.filter(|found| found.likeness >= params.least_likeness).map(|found| rcs::VisualMotion {
             timestamp: Some(time.to_proto()),
@@ -210,5 +217,24 @@ impl VisualMotion {
             left_m: found.left_m,
             likeness: found.likeness,
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motion_is_searched_as_fast_as_the_vehicle_drives_and_no_less_far_for_a_slow_one() {
+        let searched = |vehicle_speed_mps: f64| {
+            searched_mps(&VisualMotionParams {
+                max_speed_mps: 1.5,
+                vehicle_speed_mps,
+                ..VisualMotionParams::default()
+            })
+        };
+        assert!(searched(5.0) > 5.0);
+        // Not stated, a slow vehicle, and that of the courses.
+        assert_eq!([0.0, 0.5, 1.3].map(searched), [1.5; 3]);
     }
 }

@@ -482,8 +482,8 @@ fn publish(
     let choice = ArcChoice {
         timestamp,
         frame_id,
-        target_x_m: target.map_or(0.0, |target| target.x),
-        target_y_m: target.map_or(0.0, |target| target.y),
+        target_x_m: target.map_or(f64::NAN, |target| target.x),
+        target_y_m: target.map_or(f64::NAN, |target| target.y),
         arcs: scored.iter().map(message).collect(),
         chosen: chosen.map(|at| at as u32),
         speed_mps,

@@ -279,7 +279,7 @@ impl Process for WaypointGenerator {
         let stated = match self.goal(params) {
             Ok(goal) => goal,
             Err(why) => {
-                self.halt_planners(ports, cx);
+                self.forbid(ports, params, why.clone(), cx);
                 return self.stand(ports, params, why, cx);
             }
         };
@@ -418,7 +418,7 @@ impl WaypointGenerator {
         self.told = None;
     }
 
-    /// The goal is not driven to. What is obeyed is stated all the same, once for each goal and reason.
+    /// The goal is not driven to, or there is none. What is obeyed is stated all the same, once for each goal and reason.
     fn forbid(&mut self, ports: &Ports, params: &WaypointGeneratorParams, why: String, cx: &mut Cycle<'_>) {
         self.halt_planners(ports, cx);
         if self.forbidden.as_ref() == Some(&why) {

@@ -37,6 +37,13 @@ const STEP_M: f64 = 10.0;
 /// newest estimate of the position, m: what differs by more was driven before, so the local frame is not one frame for both.
 const MOST_CORRECTED_M: f64 = 3.0;
 
+/// Greatest number of points of a way: 40 km of cells of 0.2 m, and more where it is not cut. Then every second one is
+/// dropped, and the first one stays. Where points lie farther apart than what counts as the same place, loops may stay.
+const MOST_POINTS: usize = 200_000;
+/// Greatest number of points of the track by which a way is cut: 10 km. Then its older half is dropped: a way that comes
+/// back to where it was so long ago is cut by the map alone.
+const MOST_DRIVEN: usize = 20_000;
+
 /// A point of a way: in the local frame, in which the map lies, and in the global frame at the time that it was driven, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WayPoint {
@@ -59,11 +66,18 @@ pub struct Way {
 }
 
 impl Way {
-    /// Adds a position.
+    /// Adds a position. What is kept is bounded, so that a vehicle can drive for days.
     pub fn add(&mut self, point: WayPoint) {
         self.since_cut_m += self.points.last().map_or(0.0, |last| last.global.distance(point.global));
         self.points.push(point);
         self.driven.push(point);
+        if self.points.len() > MOST_POINTS {
+            self.points = self.points.iter().step_by(2).copied().collect();
+            self.open = self.open.div_ceil(2);
+        }
+        if self.driven.len() > MOST_DRIVEN {
+            self.driven.drain(..MOST_DRIVEN / 2);
+        }
     }
 
     /// Goes back to the point that is nearest to a position in the global frame, m: the wheels turned, and the vehicle
@@ -324,5 +338,31 @@ mod tests {
         let mut way = way;
         way.back_to(to_global(DVec2::ZERO));
         assert_eq!(way.in_global(true, corrected), [to_global(DVec2::ZERO)]);
+    }
+
+    #[test]
+    fn a_way_that_goes_on_for_days_keeps_its_ends_and_a_bounded_number_of_points() {
+        let at = |step: usize| {
+            let local = DVec2::new(0.5 * step as f64, 0.0);
+            WayPoint { local, global: to_global(local) }
+        };
+        let (middle, last) = (MOST_POINTS / 2, MOST_POINTS - 1);
+        let mut way = Way::default();
+        (0..=middle).for_each(|step| way.add(at(step)));
+        way.back_to(at(middle).global);
+        (middle + 1..=last).for_each(|step| way.add(at(step)));
+        assert_eq!(way.points.len(), MOST_POINTS);
+        way.add(at(last + 1));
+        assert_eq!(way.points.len(), MOST_POINTS / 2 + 1);
+        // Points that are no longer cut stay in the global frame as it was then.
+        let corrected = |local: DVec2| to_global(local) + DVec2::new(0.0, 1.5);
+        let kept = way.in_global(false, corrected);
+        assert_eq!(kept.iter().filter(|point| point.y == 100.0).count(), middle / 2 + 1);
+        assert_eq!((kept[0], kept[kept.len() - 1]), (at(0).global, corrected(at(last + 1).local)));
+        (last + 2..3 * MOST_POINTS).for_each(|step| way.add(at(step)));
+        assert!(way.points.len() <= MOST_POINTS && way.driven.len() <= MOST_DRIVEN);
+        let newest = at(3 * MOST_POINTS - 1);
+        assert_eq!((way.points.last(), way.driven.last()), (Some(&newest), Some(&newest)));
+        assert_eq!(way.start(), Some(at(0)));
     }
 }

@@ -391,7 +391,8 @@ fn status_events(
     if told == 0 && status.faults > 0 || status.faults >= told.saturating_mul(2).max(1) {
         // The first fault, and then each time that there are twice as many: a sensor may fail every cycle.
         if status.faults > 0 {
-            let text = format!("{} inputs not used: {}", status.faults, status.last_fault);
+            let noun = if status.faults == 1 { "input" } else { "inputs" };
+            let text = format!("{} {noun} not used: {}", status.faults, status.last_fault);
             add(EventKind::Error, EventLevel::Warning, &status.process, text);
         }
         known.faults.set(at, status.faults);

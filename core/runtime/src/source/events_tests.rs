@@ -47,7 +47,7 @@ fn only_changes_of_a_state_are_events_and_numbers_in_its_text_are_none() {
         [
             "modes EXEC · RUN · 12.5 m to go",
             "modes EXEC · RUN · no path",
-            "errors 1 inputs not used: ",
+            "errors 1 input not used: ",
             "errors 2 inputs not used: ",
             "errors ERROR · RUN",
         ]

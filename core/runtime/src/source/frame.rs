@@ -47,7 +47,7 @@ pub struct SourceInfo {
     pub start: Stamp,
     /// End time; `None` if it has no end.
     pub end: Option<Stamp>,
-    /// Problems, one line each: losses, topics that cannot be decoded.
+    /// Problems, one line each: losses, topics that cannot be decoded, what is probably a mistake in the stack.
     pub problems: Vec<String>,
     /// Long periods without messages, ascending; playing jumps over them.
     pub gaps: Vec<Gap>,
@@ -100,6 +100,10 @@ const LATELY: u8 = 8;
 /// Most bytes of a message that is decoded completely for its time of acquisition: one of JSON takes several times as
 /// much.
 const MOST_DECODED_BYTES: usize = 8 << 20;
+
+/// Key of the metadata of a recorded topic whose messages are stored whole and by updates: the number of updates, and the
+/// topic that has them, which is none of a frame.
+pub const UPDATES: &str = "updates";
 
 impl Topic {
     /// A topic of which only name and type are known.

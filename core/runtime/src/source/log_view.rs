@@ -4,7 +4,7 @@ use super::entities::{Entities, EntityWatch, is_scene_type};
 use super::epochs::Epochs;
 use super::events::{EventWatch, Events, is_event_type};
 use super::fields::{FieldSeries, LogFields, alike};
-use super::frame::Topic;
+use super::frame::{Topic, UPDATES};
 use super::hierarchy::WRITER_KEYS;
 use super::rates::{LastTimes, WINDOW_NS};
 use super::run_tag::RunTag;
@@ -104,6 +104,15 @@ impl LogView {
                 type_name: Arc::default(),
                 read_lately: Arc::default(),
             });
+        }
+        for (&keys, &index) in &by_id {
+            let updates = reassembly.deltas_of(keys).iter().filter_map(|id| info.topic(*id));
+            let updates: Vec<&LogTopic> = updates.collect();
+            if let Some(first) = updates.first() {
+                let messages: u64 = updates.iter().map(|updates| updates.messages).sum();
+                let text = format!("{messages} on {}", first.name);
+                Arc::make_mut(&mut topics[index].metadata).insert(UPDATES.to_owned(), text);
+            }
         }
         let means = topics.iter_mut().zip(rates).map(|(topic, hz)| {
             // A single message has no rate.

@@ -39,7 +39,7 @@ pub use driver::Driver;
 pub use entities::{Entities, Entity};
 pub use events::{Event, EventKind, EventLevel, Events};
 pub use fields::{FieldPoint, FieldSeries, exact_points, moments, points_of, read_fields, series_of};
-pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
+pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic, UPDATES};
 pub use held::HeldControl;
 pub use hierarchy::{BufferInfo, Hierarchy, Node, Peer};
 pub use log_source::LogSource;

@@ -143,6 +143,7 @@ impl StackSource {
             Some(_) => format!("{} · {}", info.title, plan.file.name()),
             None => plan.file.name().to_owned(),
         };
+        info.problems.extend(plan.warnings.iter().cloned());
         if let Some(horizon) = run.horizon() {
             // It runs beyond the log's end, until its processes have handled the last messages.
             info.end = Some(horizon);

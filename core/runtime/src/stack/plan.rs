@@ -29,7 +29,7 @@ pub struct Plan {
     pub files: FileTable,
     /// How long the operator keeps the authority over a process without sending a command.
     pub authority_ns: u64,
-    /// What is valid but probably a mistake, each with file and line.
+    /// What is valid but probably a mistake, with file and line if it stands in one place.
     pub warnings: Vec<String>,
 }
 

@@ -33,6 +33,12 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let (plan, course) = plan(args, log.as_ref())?;
     check_assets(args, files)?;
     runs::check(&plan, log.as_ref(), args.until, args.course.is_some())?;
+    for warning in &plan.warnings {
+        tracing::warn!("{warning}");
+    }
+    if let Some(log) = &log {
+        stacks::warn_of_sent_parameters(&plan, log);
+    }
     if let Some(save) = args.save.iter().find(|save| !has_buffer(&plan, &save.buffer)) {
         return Err(usage(format!(
             "there is no buffer {} to save in the stack {}",

@@ -146,7 +146,7 @@ pub(super) fn arcs(
         paint(index, Stroke::new(4.0, tokens.canvas()));
         paint(index, Stroke::new(2.5, tokens.accent));
     }
-    // Without a target, as where a mode backs up, the message has the origin.
+    // Without a target, as where a mode backs up, there is no number; in some recordings it is the origin.
     let target = [choice.target_x_m, choice.target_y_m];
     let has_target = target.iter().all(|v| v.is_finite()) && target != [0.0; 2];
     if has_target && !choice.arcs.is_empty() {
@@ -229,7 +229,7 @@ mod tests {
         // Its arc has no length, so only a target could be painted.
         let arcs = vec![ScoredArc::default()];
         let back = ArcChoice { arcs, chosen: Some(0), ..ArcChoice::default() };
-        assert_eq!(painted(&back, None, false), nothing, "it backs up without a target");
+        assert_eq!(painted(&back, None, false), nothing, "a target at the origin");
         let ahead = ArcChoice { target_x_m: 2.0, ..back };
         let cross = painted(&ahead, None, false);
         assert_ne!(cross, nothing);

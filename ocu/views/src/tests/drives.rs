@@ -3,7 +3,7 @@
 use super::{Shown, harness};
 use crate::operator::Hand;
 use crate::samples;
-use egui::{Theme, Vec2};
+use egui::{Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::rcs::{EmergencyStop, VehicleStatus};
@@ -44,6 +44,23 @@ fn a_speed_a_turn_rate_and_an_attitude_that_no_sensor_tells_are_dashes() {
         assert!(harness.query_by_label_contains(text).is_some(), "{text}");
     }
     assert_eq!(harness.query_all_by_label_contains("– °").count(), 3, "turn, roll and pitch");
+}
+
+#[test]
+fn in_a_narrow_view_the_speed_keeps_its_unit() {
+    // The motion below the controls, beside them with too little room for the usual columns, and with enough of it.
+    for width in [220.0, 400.0, 480.0] {
+        let shown = Shown::new("drive", samples::driving());
+        let mut harness = harness(shown, Vec2::new(width, 900.0), Theme::Dark);
+        harness.run();
+        let whole = harness.output().shapes.iter().any(|painted| {
+            let Shape::Text(text) = &painted.shape else { return false };
+            let is_speed = text.galley.text().contains("0.94 m/s");
+            let end = text.pos.x + text.galley.size().x;
+            is_speed && !text.galley.elided && end <= painted.clip_rect.right()
+        });
+        assert!(whole, "{width}");
+    }
 }
 
 /// A drive with another newest message of one of its topics.

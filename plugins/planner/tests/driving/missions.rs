@@ -92,6 +92,22 @@ fn a_mission_with_a_forbidden_goal_is_stated_and_the_status_names_the_goal_and_w
     assert_eq!(status(&bench, "generator").1, "the goal lies 3.0 m outside of the area: stands");
 }
 
+#[test]
+fn a_mission_without_goals_is_stated_with_its_zones_once() {
+    let mut bench = start(&FILES[..2]);
+    let goals = vec![point(8.0, 4.0)];
+    let frame_id = "local".to_owned();
+    bench.write("/operator/mission", Mission { frame_id, goals, ..Mission::default() });
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let before = bench.sent("/generator/driven");
+    bench.write("/operator/mission", Mission { keeps_goals: false, ..zone_behind() });
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let stated: Mission = bench.latest("/generator/driven");
+    assert_eq!((stated.goals.len(), stated.keep_out.len()), (0, 1), "{}", story(&bench));
+    assert_eq!(bench.sent("/generator/driven"), before + 1);
+    assert_eq!(status(&bench, "generator").1, "the mission has no goals: stands");
+}
+
 /// A mission with a zone alone, behind the vehicle.
 fn zone_behind() -> Mission {
     let keep_out = vec![polygon(&[(-9.0, -1.0), (-7.0, -1.0), (-7.0, 1.0), (-9.0, 1.0)])];

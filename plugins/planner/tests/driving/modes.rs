@@ -237,6 +237,21 @@ fn it_reverses_on_its_own_track_where_growth_leaves_no_other_way_back() {
 }
 
 #[test]
+fn without_a_path_no_target_is_sent_while_it_stands_and_while_it_backs_up() {
+    let mut bench = start(&FILES);
+    let target = |bench: &Bench| {
+        let choice: ArcChoice = bench.latest("/follower/arcs");
+        [choice.target_x_m, choice.target_y_m]
+    };
+    cycle(&mut bench, 0.0, 0.0, ring, 20);
+    assert!(target(&bench).iter().all(|v| v.is_nan()), "{:?}; {}", target(&bench), story(&bench));
+    bench.write("/operator/bumper", rcs::Bumper { left: true, ..rcs::Bumper::default() });
+    cycle(&mut bench, 0.0, 0.0, ring, 2);
+    assert_eq!(mode(&bench).0, "REVERSE_FROM_BUMPER", "{}", story(&bench));
+    assert!(target(&bench).iter().all(|v| v.is_nan()), "{:?}; {}", target(&bench), story(&bench));
+}
+
+#[test]
 fn where_the_path_leads_and_the_vehicle_does_not_get_is_barred() {
     let mut bench = start(&FILES);
     for step in 0..170 {
