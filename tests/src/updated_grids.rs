@@ -6,7 +6,7 @@ use ocu_app::cli::CutArgs;
 use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::Grid;
 use rcs_msg::{MessageEncoding, Schema, Stamp};
-use rcs_runtime::source::{LogSource, Source, Step, Task};
+use rcs_runtime::source::{LogSource, Source, Step, Task, UPDATES as UPDATES_KEY};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -156,7 +156,9 @@ fn a_grid_is_shown_with_all_updates_up_to_the_time_wherever_one_comes_from() {
     let mut source = source(&recorded.path);
     let names: Vec<String> = source.frame().topics.iter().map(|topic| topic.name.to_string()).collect();
     assert_eq!(names, [OTHERS, GRIDS], "updates are no topic of their own");
-    assert_eq!(source.frame().topic(GRIDS).unwrap().messages, 5);
+    let frame = source.frame();
+    let grids = frame.topic(GRIDS).unwrap();
+    assert_eq!((grids.messages, grids.metadata[UPDATES_KEY].as_str()), (5, "3 on /costmap_updates"));
     // On by small steps, and jumps in both directions.
     let way = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.5, 3.5, 0.5, 5.0, 2.0, 1.5, 4.0, 3.0, 0.0, 9.0, 2.5];
     for time_s in way {

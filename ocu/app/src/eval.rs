@@ -121,12 +121,13 @@ fn arcs(args: &EvalObstaclesArgs, log: &Log) -> anyhow::Result<obstacles::Report
         true_map: args.truth_map.clone(),
         true_pose: args.truth_pose.clone(),
         pose: args.pose.clone(),
-        settings: obstacles::Settings {
+        vehicle: obstacles::Vehicle {
             width_m: args.width,
             front_m: args.front,
-            tolerance_m: args.tolerance,
-            ..obstacles::Settings::default()
+            view_rad: args.view.map(f64::to_radians),
+            eye_height_m: args.eye_height,
         },
+        settings: obstacles::Settings { tolerance_m: args.tolerance, ..obstacles::Settings::default() },
     };
     obstacles::recording(&job, log).map_err(told)
 }

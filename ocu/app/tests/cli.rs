@@ -126,71 +126,6 @@ fn run_stops_where_it_is_told_and_records_what_it_did() {
 }
 
 #[test]
-fn render_draws_the_same_picture_twice_without_a_display() {
-    let (dir, path) = recording();
-    let draw = |name: &str| {
-        let png = dir.path().join(name);
-        let args = [
-            "render",
-            text(&path),
-            "--layout",
-            "default",
-            "--at",
-            "1",
-            "--size",
-            "640x400",
-            "-o",
-            text(&png),
-        ];
-        let (code, _, errors) = ocu(&args);
-        assert_eq!(code, 0, "{errors}");
-        image::open(png).unwrap().to_rgba8()
-    };
-    let (a, b) = (draw("a.png"), draw("b.png"));
-    assert_eq!(a.dimensions(), (640, 400));
-    let mut colours: Vec<[u8; 4]> = a.pixels().map(|pixel| pixel.0).collect();
-    colours.sort_unstable();
-    colours.dedup();
-    assert!(colours.len() > 500, "{} colours: a camera picture has more", colours.len());
-    assert!(a == b, "the two pictures differ");
-}
-
-#[test]
-fn render_draws_an_animation_of_a_range() {
-    use image::AnimationDecoder as _;
-    let (dir, path) = recording();
-    let gif = dir.path().join("drive.gif");
-    let draw = |output: &Path, change: &[&str]| {
-        let args = ["render", text(&path), "--layout", "default", "--at", "0.2", "--size", "320x200", "-o"];
-        let args: Vec<&str> = args.into_iter().chain([text(output)]).chain(change.iter().copied()).collect();
-        ocu(&args)
-    };
-    let (code, _, errors) = draw(&gif, &["--to", "1.2", "--every", "0.5", "--speed", "5"]);
-    assert_eq!(code, 0, "{errors}");
-    let file = std::io::BufReader::new(std::fs::File::open(&gif).unwrap());
-    let frames = image::codecs::gif::GifDecoder::new(file).unwrap().into_frames().collect_frames().unwrap();
-    assert_eq!(frames.len(), 3);
-    for frame in &frames {
-        assert_eq!(frame.buffer().dimensions(), (320, 200));
-        assert_eq!(std::time::Duration::from(frame.delay()), std::time::Duration::from_millis(100));
-    }
-    assert!(frames[0].buffer() != frames[2].buffer(), "nothing moves");
-    let png = dir.path().join("drive.png");
-    for (output, change, expected) in [
-        (&png, ["--to", "1", "--every", "0.5"], "expected a .gif file with --to"),
-        (&gif, ["--to", "0.1", "--every", "0.5"], "--to is 0.1 s; expected at least --at, 0.2 s"),
-        (&gif, ["--to", "1", "--every", "0"], "expected more than 0"),
-        (&gif, ["--to", "1", "--every", "0.0001"], "expected at most 1000"),
-        (&gif, ["--to", "1", "--every", "1e-20"], "expected at most 1000"),
-        (&gif, ["--to", "1", "--speed", "1e-20"], "expected at most 655.35 s"),
-    ] {
-        let change: Vec<&str> = change.into_iter().chain(["--force"]).collect();
-        let (code, _, errors) = draw(output, &change);
-        assert!(code == 2 && errors.contains(expected), "{code} {errors}");
-    }
-}
-
-#[test]
 fn wrong_usage_is_told_from_a_failed_run() {
     let (dir, path) = recording();
     let log = text(&path);
@@ -372,15 +307,15 @@ fn eval_obstacles_judges_the_maps_of_a_recorded_simulation() {
     let (code, _, errors) =
         ocu(&["run", "--stack", "simulation", "--course", "meadow", "--until", "2", "--record", &run]);
     assert_eq!(code, 0, "{errors}");
-    let (code, out, errors) = ocu(&["eval", "obstacles", &run, "--json"]);
+    let (code, out, errors) = ocu(&["eval", "obstacles", &run, "--eye-height", "1.5", "--json"]);
     assert_eq!(code, 0, "{errors}");
     let report = json(&out);
-    assert_eq!(keys(&report), ["arcs", "driven_m", "layers", "maps", "things"]);
-    assert!(report["maps"].as_u64().unwrap() >= 1, "{out}");
+    assert_eq!(keys(&report), ["arcs", "driven_m", "layers", "maps", "things", "vehicle"]);
+    assert!(report["maps"].as_u64() >= Some(1) && report["vehicle"]["eye_height_m"] == 1.5, "{out}");
     let names: Vec<_> = report["layers"].as_array().unwrap().iter().map(|layer| &layer["name"]).collect();
     assert_eq!(names[..2], ["fused", "stereo"]);
     let (code, out, _) = ocu(&["eval", "obstacles", &run]);
-    assert!(code == 0 && out.contains("arcs of 3 m") && out.contains("free called blocked"), "{out}");
+    assert!(code == 0 && out.contains("0.66 m wide") && out.contains("free called blocked"), "{out}");
     let (code, _, errors) = ocu(&["eval", "obstacles", &run, "--map", "/nowhere"]);
     assert!(code == 2 && errors.contains("no topic /nowhere"), "{errors}");
     let (code, _, errors) = ocu(&["eval", "obstacles", &run, "--width", "0"]);

@@ -1,10 +1,11 @@
-//! `ocu export` and `ocu graph`, and the files that `ocu export` and `ocu render` refuse to write.
+//! What `ocu export`, `ocu graph` and `ocu render` write, and the files that they refuse to write.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 mod common;
 
 use common::{ocu, recording, text};
+use std::path::Path;
 
 const X: &str = "/localization/local.pose.position.x";
 
@@ -152,4 +153,69 @@ fn the_hierarchy_of_a_stack_and_of_its_recording_are_the_same() {
     assert!(dot.starts_with("digraph") && dot.contains("style=dashed"), "{dot}");
     let (code, _, errors) = ocu(&["graph", "absent_stack"]);
     assert_eq!((code, errors.contains("absent_stack")), (2, true), "{errors}");
+}
+
+#[test]
+fn render_draws_the_same_picture_twice_without_a_display() {
+    let (dir, path) = recording();
+    let draw = |name: &str| {
+        let png = dir.path().join(name);
+        let args = [
+            "render",
+            text(&path),
+            "--layout",
+            "default",
+            "--at",
+            "1",
+            "--size",
+            "640x400",
+            "-o",
+            text(&png),
+        ];
+        let (code, _, errors) = ocu(&args);
+        assert_eq!(code, 0, "{errors}");
+        image::open(png).unwrap().to_rgba8()
+    };
+    let (a, b) = (draw("a.png"), draw("b.png"));
+    assert_eq!(a.dimensions(), (640, 400));
+    let mut colours: Vec<[u8; 4]> = a.pixels().map(|pixel| pixel.0).collect();
+    colours.sort_unstable();
+    colours.dedup();
+    assert!(colours.len() > 500, "{} colours: a camera picture has more", colours.len());
+    assert!(a == b, "the two pictures differ");
+}
+
+#[test]
+fn render_draws_an_animation_of_a_range() {
+    use image::AnimationDecoder as _;
+    let (dir, path) = recording();
+    let gif = dir.path().join("drive.gif");
+    let draw = |output: &Path, change: &[&str]| {
+        let args = ["render", text(&path), "--layout", "default", "--at", "0.2", "--size", "320x200", "-o"];
+        let args: Vec<&str> = args.into_iter().chain([text(output)]).chain(change.iter().copied()).collect();
+        ocu(&args)
+    };
+    let (code, _, errors) = draw(&gif, &["--to", "1.2", "--every", "0.5", "--speed", "5"]);
+    assert_eq!(code, 0, "{errors}");
+    let file = std::io::BufReader::new(std::fs::File::open(&gif).unwrap());
+    let frames = image::codecs::gif::GifDecoder::new(file).unwrap().into_frames().collect_frames().unwrap();
+    assert_eq!(frames.len(), 3);
+    for frame in &frames {
+        assert_eq!(frame.buffer().dimensions(), (320, 200));
+        assert_eq!(std::time::Duration::from(frame.delay()), std::time::Duration::from_millis(100));
+    }
+    assert!(frames[0].buffer() != frames[2].buffer(), "nothing moves");
+    let png = dir.path().join("drive.png");
+    for (output, change, expected) in [
+        (&png, ["--to", "1", "--every", "0.5"], "expected a .gif file with --to"),
+        (&gif, ["--to", "0.1", "--every", "0.5"], "--to is 0.1 s; expected at least --at, 0.2 s"),
+        (&gif, ["--to", "1", "--every", "0"], "expected more than 0"),
+        (&gif, ["--to", "1", "--every", "0.0001"], "expected at most 1000"),
+        (&gif, ["--to", "1", "--every", "1e-20"], "expected at most 1000"),
+        (&gif, ["--to", "1", "--speed", "1e-20"], "expected at most 655.35 s"),
+    ] {
+        let change: Vec<&str> = change.into_iter().chain(["--force"]).collect();
+        let (code, _, errors) = draw(output, &change);
+        assert!(code == 2 && errors.contains(expected), "{code} {errors}");
+    }
 }

@@ -461,6 +461,25 @@ fn every_run_on_a_recording_of_a_course_has_the_goal_of_that_course() {
 }
 
 #[test]
+fn a_stack_on_a_recorded_run_says_that_parameters_which_were_sent_in_that_run_are_not_in_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (acts, log) = (path("acts.json"), path("drive.mcap"));
+    let sent = r#"[{"at_s": 0.1, "buffer": "/wm1/params", "message": {"publish_hz": 8}}]"#;
+    std::fs::write(&acts, sent).unwrap();
+    let simulation = ["run", "--stack", "simulation", "--until", "0.3", "--json"];
+    run(&[&simulation[..], &["--acts", &acts, "--record", &log]].concat(), 0);
+    let said = "sent to wm1 during the recorded run are not in force";
+    let on_it = ["--stack", "replay", "--log", &log, "--until", "0.1"];
+    for command in ["run", "sweep"] {
+        let (_, _, errors) = ocu(&[&[command][..], &on_it].concat());
+        assert!(errors.contains(said), "{command}: {errors}");
+    }
+    let (code, _, errors) = ocu(&["run", "--replay", &log]);
+    assert!(code == 0 && !errors.contains("not in force"), "{code} {errors}");
+}
+
+#[test]
 fn a_stack_on_a_recording_of_a_course_has_the_goal_of_that_course() {
     let dir = tempfile::tempdir().unwrap();
     let log = recording_of_hill(dir.path());

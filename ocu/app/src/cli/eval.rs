@@ -193,7 +193,12 @@ pub struct EvalPlanArgs {
 #[derive(Debug, Clone, Args)]
 #[command(
     after_help = "Examples:\n  ocu run --stack learning --course meadow --until 60 --record run.mcap\n  \
-                        ocu eval obstacles run.mcap --json\n\n\
+                        ocu eval obstacles run.mcap --json\n  \
+                        ocu eval obstacles run.mcap --width 2 --front 3.1 --view 60 --eye-height 2.7\n\n\
+                        The vehicle is that of the vehicle file in the recording, as far as no option says otherwise: \
+                        width and front of its body, the height of its lowest camera, and the angle that its cameras \
+                        cover together, as far to the left as to the right. The report says which values were \
+                        taken.\n\n\
                         Arcs of 3 m and 5 m leave the front of the vehicle at each map, once per 0.1 m driven. One is \
                         truly blocked if a cell that the true map calls blocked lies under the vehicle's width, and \
                         truly free if none lies within the tolerance around it either; arcs between the two are not \
@@ -204,9 +209,9 @@ pub struct EvalPlanArgs {
                         A thing is in the way while it is the first true thing on an arc. It is late if it was in the \
                         way from at least 2 m, came nearer, and did not block an arc at 2 m or more. Long things are \
                         counted in parts of about 1.5 m.\n\n\
-                        A thing is sighted from each pose 2 m to 5 m before it at which it is in the way, within 50 \
-                        degrees of straight ahead, not hidden from an eye 0.95 m above the front, and has been so over \
-                        the last 0.5 m. The report says, by distance, from how many of these poses it blocks the arc. \
+                        A thing is sighted from each pose 2 m to 5 m before it at which it is in the way, within the \
+                        angle of view, not hidden from the cameras, taken as one eye above the front, and has been so \
+                        over the last 0.5 m. The report says, by distance, from how many of these poses it blocks the arc. \
                         It is missed if it was sighted from less than 3 m, and does not block from the nearest pose."
 )]
 pub struct EvalObstaclesArgs {
@@ -226,24 +231,21 @@ pub struct EvalObstaclesArgs {
     /// Topic of the true poses of the vehicle; by default the one marked as ground truth
     #[arg(long, value_name = "TOPIC")]
     pub truth_pose: Option<String>,
-    /// Width of the vehicle, m
-    #[arg(
-        long,
-        value_name = "M",
-        default_value_t = 0.7,
-        value_parser = parse_width,
-        allow_negative_numbers = true,
-    )]
-    pub width: f64,
-    /// Distance of the vehicle's front ahead of the origin of its frame, m
-    #[arg(
-        long,
-        value_name = "M",
-        default_value_t = 0.24,
-        value_parser = parse_metres,
-        allow_negative_numbers = true,
-    )]
-    pub front: f64,
+    /// Width of the vehicle, m; by default that of the vehicle file in the recording, without one 0.7
+    #[arg(long, value_name = "M", value_parser = parse_width, allow_negative_numbers = true)]
+    pub width: Option<f64>,
+    /// Distance of the vehicle's front ahead of the origin of its frame, m; by default that of the vehicle file,
+    /// without one 0.24
+    #[arg(long, value_name = "M", value_parser = parse_metres, allow_negative_numbers = true)]
+    pub front: Option<f64>,
+    /// Angle of view of all cameras together, degrees, half of it to either side of straight ahead; by default that
+    /// of the vehicle file, without one 100
+    #[arg(long, value_name = "DEG", value_parser = parse_view, allow_negative_numbers = true)]
+    pub view: Option<f64>,
+    /// Height of the cameras above the ground, m; by default that of the lowest one in the vehicle file, without one
+    /// 0.95
+    #[arg(long, value_name = "M", value_parser = parse_metres, allow_negative_numbers = true)]
+    pub eye_height: Option<f64>,
     /// Tolerance around things, m
     #[arg(
         long,
@@ -271,6 +273,14 @@ fn parse_width(text: &str) -> Result<f64, String> {
     is_width.then_some(metres).ok_or_else(|| format!("{metres} m, expected more than 0 and at most 10 m"))
 }
 
+/// An angle above 0, up to a full turn: a vehicle without a view sees nothing.
+fn parse_view(text: &str) -> Result<f64, String> {
+    let degrees = parse_number(text)?;
+    let is_view = degrees > 0.0 && degrees <= 360.0;
+    let refused = || format!("{degrees} degrees, expected more than 0 and at most 360");
+    is_view.then_some(degrees).ok_or_else(refused)
+}
+
 fn parse_number(text: &str) -> Result<f64, String> {
     text.parse().map_err(|_| format!("{text:?} is no number"))
 }
@@ -289,11 +299,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_vehicle_has_a_width_and_other_lengths_may_be_0() {
+    fn a_vehicle_has_a_width_and_a_view_and_other_lengths_may_be_0() {
         assert_eq!((parse_width("0.7"), parse_width("10"), parse_metres("0")), (Ok(0.7), Ok(10.0), Ok(0.0)));
         for width in ["0", "-0.0", "-1", "11", "nan"] {
             let error = parse_width(width).unwrap_err();
             assert!(error.ends_with(" m, expected more than 0 and at most 10 m"), "{width}: {error}");
+        }
+        assert_eq!(parse_view("360"), Ok(360.0));
+        for view in ["0", "-1", "361", "nan"] {
+            assert!(parse_view(view).unwrap_err().contains("expected more than 0"), "{view}");
         }
     }
 }

@@ -2,14 +2,18 @@
 //!
 //! Views have stable ids, so that going to another state keeps those that are in both, with their textures. Where a
 //! view looks (its viewport) is stored, but is no step of its own: undo brings back what was arranged, not what was
-//! looked at.
+//! looked at. Nor is each letter of a formula that is being written: undo brings back the line with all of its text.
 
 use crate::layout::{Layout, Node};
+use serde_json::{Map, Value};
 
 /// Number of steps that are kept.
 const MOST: usize = 100;
 /// Field of a view's state that is no step of its own.
 pub(super) const VIEWPORT: &str = "viewport";
+/// Field of a view's state with the line in which something is being written, and the field of that with its text, which
+/// is no step of its own.
+const ENTRY: [&str; 2] = ["entry", "text"];
 
 /// The arrangement and its history.
 #[derive(Debug, Default)]
@@ -31,7 +35,7 @@ impl Document {
         if now == layout {
             return false;
         }
-        if without_viewports(now) != without_viewports(layout) {
+        if steps(now) != steps(layout) {
             let before = now.clone();
             self.add_step(before);
         }
@@ -82,19 +86,39 @@ impl Document {
 }
 
 fn without_viewports(layout: &Layout) -> Layout {
-    fn strip(node: &mut Node) {
+    with_states(layout, |fields| drop(fields.remove(VIEWPORT)))
+}
+
+/// What a step changes.
+fn steps(layout: &Layout) -> Layout {
+    let [entry, text] = ENTRY;
+    with_states(layout, |fields| {
+        fields.remove(VIEWPORT);
+        if let Some(entry) = fields.get_mut(entry).and_then(Value::as_object_mut) {
+            entry.remove(text);
+        }
+    })
+}
+
+/// A layout with a change of the fields of each view's state.
+fn with_states(layout: &Layout, change: impl Fn(&mut Map<String, Value>)) -> Layout {
+    fn walk(node: &mut Node, change: &impl Fn(&mut Map<String, Value>)) {
         match node {
-            Node::Row(parts) | Node::Column(parts) => parts.iter_mut().for_each(|(_, node)| strip(node)),
-            Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => nodes.iter_mut().for_each(strip),
+            Node::Row(parts) | Node::Column(parts) => {
+                parts.iter_mut().for_each(|(_, node)| walk(node, change));
+            }
+            Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => {
+                nodes.iter_mut().for_each(|node| walk(node, change));
+            }
             Node::View { state, .. } => {
                 if let Some(fields) = state.as_object_mut() {
-                    fields.remove(VIEWPORT);
+                    change(fields);
                 }
             }
         }
     }
     let mut layout = layout.clone();
-    strip(&mut layout.root);
+    walk(&mut layout.root, &change);
     layout
 }
 
@@ -152,6 +176,24 @@ mod tests {
         assert_eq!(document.undo(), Some(first));
         assert_eq!(document.redo(), Some(second));
         assert_eq!(document.redo(), Some(adapted));
+    }
+
+    #[test]
+    fn a_formula_that_is_being_written_is_stored_and_comes_back_by_undo_with_all_of_its_text() {
+        let written = |text: &str| layout(true, json!({ "n": 0, "entry": { "text": text } }));
+        let [without, with] = [0, 1].map(|n| layout(true, json!({ "n": n, "entry": null })));
+        let mut document = Document::default();
+        document.record(&without);
+        for text in ["", "a", "ab"] {
+            assert!(document.record(&written(text)), "{text:?} is stored");
+        }
+        document.record(&with);
+        assert_eq!(document.undo(), Some(written("ab")));
+        assert_eq!(document.undo(), Some(without));
+        assert_eq!([document.redo(), document.redo()], [Some(written("ab")), Some(with)]);
+        // What was written since an arrangement was adapted to a source is a change of the user's.
+        document.adapt(written("a"), written("a"));
+        assert_eq!(document.left_as(written("ab")), written("ab"));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{Column, Saved};
 use crate::view::rate_hz;
-use rcs_runtime::source::{Frame, RunTag, SourceKind, Topic};
+use rcs_runtime::source::{Frame, RunTag, SourceKind, Topic, UPDATES};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -39,6 +39,7 @@ pub(super) fn rows<'a>(saved: &Saved, frame: &'a Frame) -> Vec<Row<'a>> {
             || topic.name.to_lowercase().contains(&search)
             || topic.schema.name().to_lowercase().contains(&search)
             || topic.writer.to_lowercase().contains(&search)
+            || topic.metadata.get(UPDATES).is_some_and(|updates| updates.to_lowercase().contains(&search))
     };
     let mut topics: Vec<_> = frame.topics.iter().filter(found).collect();
     topics.sort_by(|a, b| {
@@ -223,6 +224,19 @@ mod tests {
         assert_eq!(lines(&folded, &names).len(), 4);
         let searched = Saved { search: "Y".into(), ..folded };
         assert_eq!(lines(&searched, &names).len(), 3, "a search opens the groups");
+    }
+
+    #[test]
+    fn a_search_for_the_updates_of_a_topic_finds_the_topic() {
+        let mut frame = crate::samples::empty();
+        let schema = schema_of::<rcs_msg::foxglove::Grid>();
+        let mut grid = Topic::new("/costmap", RunTag::Recorded, Arc::clone(schema));
+        grid.metadata = Arc::new([(UPDATES.to_owned(), "3 on /costmap_updates".to_owned())].into());
+        let other = Topic::new("/other", RunTag::Recorded, Arc::clone(schema));
+        frame.topics = Arc::new([grid, other]);
+        let saved = Saved { search: "costmap_Updates".into(), ..Saved::default() };
+        let rows = rows(&saved, &frame);
+        assert!(matches!(rows.as_slice(), [Row::Topic { topic, .. }] if &*topic.name == "/costmap"));
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! The line in which a formula is written, with what it can be completed to.
 
-use super::saved::Curve;
 use egui::{RichText, Sense, TextEdit, Ui, Vec2, WidgetInfo};
 use ocu_ui::{tokens, widgets};
 use rcs_formula::{FieldRef, Formula, functions};
 use rcs_msg::{FieldPath, Value};
 use rcs_runtime::source::{Frame, Topic};
+use serde::{Deserialize, Serialize};
 
 /// Number of completions that are listed.
 const MOST: usize = 10;
@@ -13,10 +13,14 @@ const MOST: usize = 10;
 const MOST_LEAVES: usize = 5000;
 
 /// The line, while it is open.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub(super) struct Entry {
     text: String,
     /// The curve that is changed, by graph and index; `None` for a new one.
     pub(super) of: Option<(usize, usize)>,
+    /// Whether it takes the focus. A layout that brings the line back leaves the focus where it is.
+    #[serde(skip)]
     fresh: bool,
 }
 
@@ -35,10 +39,9 @@ struct Completion {
 }
 
 impl Entry {
-    /// A line for a new curve, or for the formula of one that exists.
-    pub(super) fn new(of: Option<((usize, usize), &Curve)>) -> Self {
-        let text = of.map(|(_, curve)| curve.formula.clone()).unwrap_or_default();
-        Self { text, of: of.map(|(at, _)| at), fresh: true }
+    /// A line that begins with a text, for a new curve, or for one that exists.
+    pub(super) fn new(text: String, of: Option<(usize, usize)>) -> Self {
+        Self { text, of, fresh: true }
     }
 
     /// Paints the line and its completions.

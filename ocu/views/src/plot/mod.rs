@@ -40,7 +40,6 @@ const BETWEEN: f32 = 8.0;
 pub(crate) struct Plot {
     saved: Saved,
     shelf: Shelf,
-    entry: Option<Entry>,
     /// The two cursors, in seconds since the start of the source.
     cursors: Option<(f64, f64)>,
     /// Where the graphs are.
@@ -71,8 +70,7 @@ impl View for Plot {
 
     fn drop_topic(&mut self, topic: &Topic) {
         // Which field is meant is chosen next.
-        let curve = Curve::new(entry::begun(&topic.name));
-        self.entry = Some(Entry::new(Some(((usize::MAX, 0), &curve))));
+        self.saved.entry = Some(Entry::new(entry::begun(&topic.name), None));
     }
 
     fn fields(&self) -> Vec<FieldRef> {
@@ -114,7 +112,7 @@ impl View for Plot {
         let asked = self.toolbar(ui);
         self.entry_ui(ui, cx.frame);
         if asked == Some(Tool::Add) {
-            self.entry = Some(Entry::new(None));
+            self.saved.entry = Some(Entry::new(String::new(), None));
         }
         if self.saved.graphs.is_empty() {
             let hint = "Drag a field here from the fields view, or add one by its path.";
@@ -191,7 +189,7 @@ impl Plot {
     }
 
     fn entry_ui(&mut self, ui: &mut Ui, frame: &Frame) {
-        let Some(entry) = &mut self.entry else { return };
+        let Some(entry) = &mut self.saved.entry else { return };
         let of = entry.of;
         match entry.ui(ui, frame) {
             Entered::Open => return,
@@ -211,7 +209,7 @@ impl Plot {
                 }
             },
         }
-        self.entry = None;
+        self.saved.entry = None;
     }
 
     /// What each graph has to draw.
@@ -313,8 +311,8 @@ impl Plot {
             }
             graph::Act::Curve { graph, curve, asked } => match asked {
                 Asked::Edit => {
-                    let changed = &self.saved.graphs[graph].curves[curve];
-                    self.entry = Some(Entry::new(Some(((graph, curve), changed))));
+                    let formula = self.saved.graphs[graph].curves[curve].formula.clone();
+                    self.saved.entry = Some(Entry::new(formula, Some((graph, curve))));
                 }
                 Asked::CopyFormula => {
                     ui.ctx().copy_text(self.saved.graphs[graph].curves[curve].formula.clone());

@@ -1,5 +1,6 @@
 //! What a layout stores of a plot.
 
+use super::entry::Entry;
 use crate::view::RunChoice;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,8 @@ pub(super) struct Saved {
     pub(super) span: Span,
     /// Whether the statistics are shown.
     pub(super) statistics: bool,
+    /// A formula that is being written.
+    pub(super) entry: Option<Entry>,
 }
 
 /// The visible part of the time axis, in seconds since the start of the source.

@@ -4,7 +4,7 @@ use crate::samples;
 use crate::view::{Hovers, Selection, TopicKey};
 use egui::Theme;
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use rcs_formula::Points;
 use rcs_msg::foxglove::RawImage;
 use rcs_runtime::source::{FieldSeries, RunTag, Series, series_of};
@@ -364,6 +364,30 @@ fn tab_completes_a_formula_and_what_is_typed_next_follows() {
     harness.key_press(egui::Key::Enter);
     harness.run();
     assert_eq!(harness.state().view.fields().len(), 1);
+}
+
+#[test]
+fn a_formula_that_is_being_written_is_kept_in_the_layout_and_takes_no_focus_when_it_comes_back() {
+    let mut harness = harness(plot(&[&["/planner/status.cycle"]]), egui::Vec2::new(600.0, 300.0));
+    harness.run();
+    harness.get_by_label("Add a curve").click();
+    harness.run();
+    harness.get_by_label("Formula").type_text("smooth(/pla");
+    harness.run();
+    let mut kept = harness.state().view.save();
+    let mut again = Plot::default();
+    again.load(&kept).unwrap();
+    assert_eq!(again.save(), kept);
+    let mut harness = self::harness(again, egui::Vec2::new(600.0, 300.0));
+    harness.run();
+    let line = harness.get_by_label("Formula");
+    assert_eq!(line.value().as_deref(), Some("smooth(/pla"));
+    assert!(!line.accesskit_node().is_focused());
+    // Older layouts have none.
+    kept.as_object_mut().unwrap().remove("entry");
+    let mut older = Plot::default();
+    older.load(&kept).unwrap();
+    assert_eq!((older.saved.graphs.len(), older.saved.entry), (1, None));
 }
 
 #[test]

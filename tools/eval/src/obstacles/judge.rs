@@ -2,7 +2,7 @@
 
 use super::Settings;
 use super::arc::{Arc, Covered, Sweep, covered};
-use super::report::{ArcCounts, FirstBlock, Layer, Report, Shares, ThingReport, bands, pct};
+use super::report::{ArcCounts, FirstBlock, JudgedFor, Layer, Report, Shares, ThingReport, bands, pct};
 use super::sightings::{Eye, Sighting, Sightings};
 use super::truth::Truth;
 use crate::EvalError;
@@ -303,7 +303,9 @@ impl Judge {
             missed_things: things.iter().filter(|thing| thing.is_missed(name)).count() as u64,
             bands: bands(&things, name),
         };
+        let Settings { width_m, front_m, view_rad, eye_height_m, .. } = self.settings;
         Ok(Report {
+            vehicle: JudgedFor { width_m, front_m, view_deg: view_rad.to_degrees(), eye_height_m },
             maps: self.maps,
             driven_m: self.driven_m,
             arcs: self.counts.clone(),

@@ -2,9 +2,9 @@
 //! truly blocked ones are called free, and how early each thing in the way blocks an arc.
 //!
 //! Along a drive, each map is compared with the true map at the vehicle's pose. A fan of arcs of constant curvature
-//! leaves the vehicle; an arc covers the cells whose middles lie under the vehicle's width, from its front on. The true
-//! map and the judged map are read in the vehicle frame, each with its own pose of the vehicle, so that drift of the
-//! local frame does not count.
+//! leaves the vehicle ([`Vehicle`]); an arc covers the cells whose middles lie under the vehicle's width, from its front
+//! on. The true map and the judged map are read in the vehicle frame, each with its own pose of the vehicle, so that
+//! drift of the local frame does not count.
 //!
 //! - An arc is truly blocked if a blocked cell lies under the vehicle's width, and truly free if none lies within the
 //!   tolerance around it either. Arcs between the two graze a thing and are not counted.
@@ -23,9 +23,13 @@ mod judge;
 mod report;
 mod sightings;
 mod truth;
+mod vehicle;
 
 pub use judge::{FUSED, Judge};
-pub use report::{ArcCounts, BANDS_M, Band, FirstBlock, Layer, Report, Shares, ThingReport, ThingSightings};
+pub use report::{
+    ArcCounts, BANDS_M, Band, FirstBlock, JudgedFor, Layer, Report, Shares, ThingReport, ThingSightings,
+};
+pub use vehicle::Vehicle;
 
 use crate::EvalError;
 use crate::messages::each_whole;
@@ -92,6 +96,8 @@ pub struct Job {
     pub true_pose: Option<String>,
     /// Topic of the vehicle's poses in the frame of the maps.
     pub pose: Option<String>,
+    /// The vehicle. What is not given is that of the recorded run, else that of the settings.
+    pub vehicle: Vehicle,
     /// The arcs.
     pub settings: Settings,
 }
@@ -99,7 +105,8 @@ pub struct Job {
 /// Evaluates the maps of a recording.
 pub fn recording(job: &Job, log: &Log) -> Result<Report, EvalError> {
     let topics = Topics::find(job, log)?;
-    let mut judge = Judge::new(&job.settings);
+    let vehicle = job.vehicle.or(Vehicle::recorded(log)?);
+    let mut judge = Judge::new(&vehicle.settings(&job.settings));
     let wanted: Vec<TopicId> = topics.parts.keys().copied().collect();
     each_whole(log, &wanted, |topic, message, time| match topics.parts.get(&topic) {
         Some(&part) => take(&mut judge, part, message, time, &topics),

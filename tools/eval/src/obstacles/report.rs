@@ -6,6 +6,8 @@ use std::fmt;
 /// Figures of the fused map and of each source alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
+    /// The vehicle for which the arcs were judged.
+    pub vehicle: JudgedFor,
     /// Number of maps that were judged, and the distance driven meanwhile, m.
     pub maps: u64,
     /// Distance driven, m.
@@ -16,6 +18,19 @@ pub struct Report {
     pub layers: Vec<Layer>,
     /// Things that were the first thing on an arc, by the time at which they came into the way.
     pub things: Vec<ThingReport>,
+}
+
+/// What was taken as the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct JudgedFor {
+    /// Width, m.
+    pub width_m: f64,
+    /// Distance of the front ahead of the origin of the vehicle's frame, m.
+    pub front_m: f64,
+    /// Angle of view of all cameras together, degrees.
+    pub view_deg: f64,
+    /// Height of the cameras above the ground, m.
+    pub eye_height_m: f64,
 }
 
 /// Arcs of one length.
@@ -201,6 +216,12 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let JudgedFor { width_m, front_m, view_deg, eye_height_m } = self.vehicle;
+        writeln!(
+            out,
+            "vehicle: {width_m:.2} m wide, front {front_m:.2} m ahead of its origin, view of {view_deg:.0} degrees from \
+             {eye_height_m:.2} m above the ground"
+        )?;
         writeln!(out, "{} maps over {:.1} m", self.maps, self.driven_m)?;
         for (place, arcs) in self.arcs.iter().enumerate() {
             let ArcCounts { length_mm, free, blocked, grazing, unknown } = *arcs;
