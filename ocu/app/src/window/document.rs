@@ -105,10 +105,14 @@ fn with_states(layout: &Layout, change: impl Fn(&mut Map<String, Value>)) -> Lay
     fn walk(node: &mut Node, change: &impl Fn(&mut Map<String, Value>)) {
         match node {
             Node::Row(parts) | Node::Column(parts) => {
-                parts.iter_mut().for_each(|(_, node)| walk(node, change));
+                for (_, node) in parts {
+                    walk(node, change);
+                }
             }
             Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => {
-                nodes.iter_mut().for_each(|node| walk(node, change));
+                for node in nodes {
+                    walk(node, change);
+                }
             }
             Node::View { state, .. } => {
                 if let Some(fields) = state.as_object_mut() {
