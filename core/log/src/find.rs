@@ -55,37 +55,52 @@ impl Log {
     }
 
     /// Log times of the messages of each topic from `since` until before `before`, the newest first. If they extend over
-    /// a large part of the file, only the newest of them.
+    /// a large part of the file, only the newest of them: from [`Log::times_known_since`] on.
     pub fn times_before(
         &self,
         before: Stamp,
         since: Stamp,
     ) -> Result<BTreeMap<TopicId, Vec<Stamp>>, LogError> {
         let mut times: BTreeMap<TopicId, Vec<Stamp>> = BTreeMap::new();
-        let (mut segments, mut bytes) = LOOK_BACK;
-        for &index in self.0.by_last.iter().rev() {
-            let segment = &self.0.segments[index as usize];
-            if segment.first >= before.0 {
-                continue;
-            }
-            if segment.last < since.0 || segments == 0 {
-                break;
-            }
-            segments -= 1;
+        let (segments, since) = self.look_back(before, since);
+        for index in segments {
             for message in self.load(index)?.messages.iter() {
                 if (since.0..before.0).contains(&message.time) {
                     times.entry(TopicId(message.channel)).or_default().push(Stamp(message.time));
                 }
-            }
-            bytes = bytes.saturating_sub(segment.contents);
-            if bytes == 0 {
-                break;
             }
         }
         for times in times.values_mut() {
             times.sort_unstable_by(|a, b| b.cmp(a));
         }
         Ok(times)
+    }
+
+    /// Time from which on [`Log::times_before`] gives the times of all messages: `since`, or later. It follows from the
+    /// index alone.
+    pub fn times_known_since(&self, before: Stamp, since: Stamp) -> Stamp {
+        self.look_back(before, since).1
+    }
+
+    /// The segments that [`Log::times_before`] reads, and the time from which on they hold all messages before `before`.
+    fn look_back(&self, before: Stamp, since: Stamp) -> (Vec<u32>, Stamp) {
+        let (most, mut bytes) = LOOK_BACK;
+        let mut read = Vec::new();
+        for &index in self.0.by_last.iter().rev() {
+            let segment = &self.0.segments[index as usize];
+            if segment.first >= before.0 {
+                continue;
+            }
+            if segment.last < since.0 {
+                break;
+            }
+            if read.len() == most || bytes == 0 {
+                return (read, Stamp(segment.last).after_ns(1));
+            }
+            bytes = bytes.saturating_sub(segment.contents);
+            read.push(index);
+        }
+        (read, since)
     }
 
     /// The message before `place`, of any of `topics` or of all topics: for stepping back from a message's position.

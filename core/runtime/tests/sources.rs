@@ -231,26 +231,6 @@ fn transforms_are_shared_while_the_log_is_still_being_read() {
 }
 
 #[test]
-fn after_a_jump_a_topic_shows_the_rate_of_the_seconds_before_not_the_mean_of_the_log() {
-    // 20 Hz for ten seconds, then 1 Hz; the other topic stops.
-    let often = (0..200).map(|i| f64::from(i) * 0.05);
-    let seldom = (10..60).map(f64::from);
-    let both = often.clone().chain(seldom).map(|time| (time, "/both", 0.0));
-    let mut messages: Vec<_> = both.chain(often.map(|time| (time, "/silent", 0.0))).collect();
-    messages.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut source, _folder) = log_source(&messages);
-    let mut rate = |at_s: f64, topic: &str| {
-        source.seek(seconds(at_s), &Task::default()).unwrap();
-        source.frame().topic(topic).unwrap().hz.unwrap()
-    };
-    assert!((rate(40.0, "/both") - 1.0).abs() < 0.01);
-    assert!((rate(6.0, "/both") - 20.0).abs() < 0.5);
-    assert!((rate(50.0, "/both") - 1.0).abs() < 0.01);
-    let mean = 200.0 / 59.0;
-    assert!((rate(55.0, "/silent") - mean).abs() < 0.5, "nothing came lately: the mean");
-}
-
-#[test]
 fn a_log_opens_at_its_first_picture_where_that_comes_within_a_second() {
     let open = |picture_s: f64| {
         let folder = tempfile::tempdir().unwrap();

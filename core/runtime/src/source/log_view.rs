@@ -167,6 +167,7 @@ impl LogView {
             _ => self.look_up_before(to.time)?,
         }
         self.read_on(to)?;
+        self.update_rates(to.time);
         self.shown = Some(to);
         Ok(())
     }
@@ -186,10 +187,9 @@ impl LogView {
 
     /// Shows everything before `time`, and positions the cursor there.
     fn look_up_before(&mut self, time: Stamp) -> Result<(), SourceError> {
-        for (index, topic) in self.topics.iter_mut().enumerate() {
+        for (topic, times) in self.topics.iter_mut().zip(&mut self.times) {
             topic.set_latest(None);
-            topic.hz = self.means[index];
-            self.times[index].clear();
+            times.clear();
         }
         let mut found = self.reassembly.seek(MessagePosition::before(time))?;
         if time > Stamp(0) {
@@ -203,14 +203,14 @@ impl LogView {
         for (index, whole) in newest {
             self.set_latest(index, whole);
         }
-        self.look_up_rates(time)?;
+        self.look_up_times(time)?;
         self.ahead = None;
         self.cursor = self.log.cursor(CursorOptions { start: time, ..CursorOptions::default() });
         Ok(())
     }
 
-    /// Looks up the rates that would have been measured by reading up to `time`.
-    fn look_up_rates(&mut self, time: Stamp) -> Result<(), SourceError> {
+    /// Looks up the times from which the rates at `time` are measured.
+    fn look_up_times(&mut self, time: Stamp) -> Result<(), SourceError> {
         let mut found = vec![Vec::new(); self.topics.len()];
         for (id, times) in self.log.times_before(time, time.before_ns(WINDOW_NS))? {
             let keys = self.reassembly.keys_of(id).unwrap_or(id);
@@ -218,16 +218,22 @@ impl LogView {
                 found[index].extend(times);
             }
         }
-        for ((topic, last), mut times) in self.topics.iter_mut().zip(&mut self.times).zip(found) {
+        for (last, mut times) in self.times.iter_mut().zip(found) {
             times.sort_unstable_by(|a, b| b.cmp(a));
             if times.len() > 1 {
                 last.begin_with(&times);
             }
-            if let Some(hz) = last.rate_hz() {
-                topic.hz = Some(hz);
-            }
         }
         Ok(())
+    }
+
+    /// Updates the rates to the viewed time. Only messages that a jump to it looks up count, so that they do not depend
+    /// on the way to it.
+    fn update_rates(&mut self, time: Stamp) {
+        let since = self.log.times_known_since(time, time.before_ns(WINDOW_NS));
+        for ((topic, times), mean) in self.topics.iter_mut().zip(&self.times).zip(&self.means) {
+            topic.hz = times.rate_hz(since).or(*mean);
+        }
     }
 
     fn show(&mut self, message: LogMessage) {
@@ -266,9 +272,6 @@ impl LogView {
         };
         topic.set_latest(Some(Sample { header, message }));
         self.times[index].take(header.log_time);
-        if let Some(hz) = self.times[index].rate_hz() {
-            topic.hz = Some(hz);
-        }
     }
 
     /// Gathers these fields of the topics for which `is_wanted` holds, and no others.

@@ -1,5 +1,6 @@
 //! Rates of messages: measured over the last seconds before the newest message, so that a topic that has stopped is
-//! recognised by its age within a few of its periods, however long it has been silent or the run has lasted.
+//! recognised by its age within a few of its periods, however long it has been silent or the run has lasted. Of a log,
+//! the last seconds before the viewed time count, because no others are known after a jump.
 
 use crate::history::{RunId, RunSummary};
 use crate::stepped::Stepped;
@@ -137,8 +138,9 @@ impl LastTimes {
         self.0 = newest_first.iter().take(MOST).rev().copied().collect();
     }
 
-    pub(crate) fn rate_hz(&self) -> Option<f64> {
-        rate_hz(self.0.iter().rev().map(|time| time.0))
+    /// The rate of the messages from `since` on.
+    pub(crate) fn rate_hz(&self, since: Stamp) -> Option<f64> {
+        rate_hz(self.0.iter().rev().take_while(|time| **time >= since).map(|time| time.0))
     }
 }
 
