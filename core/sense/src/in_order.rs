@@ -1,31 +1,28 @@
 //! The order of the messages of an input, by the times of their content.
 
+use crate::clock::ClockWatch;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
-
-/// A clock whose times go back by more than this has begun again, s; by less, a message is late.
-pub const CLOCK_BEGINS_AGAIN_S: f64 = 10.0;
 
 /// Refuses messages that come twice or late: they would be counted twice, or replace newer ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InOrder {
     last: Option<Stamp>,
+    clock: ClockWatch,
 }
 
 impl InOrder {
-    /// Takes the time of a message. If it is not newer than the one before, returns by how much it is older, s. A time from
-    /// the future does not make others older, which would all be refused until the clock is there, but does not count twice.
-    /// Of a clock that has begun again, only the first message is refused.
-    pub fn take(&mut self, time: Stamp, now: Stamp) -> Result<(), f64> {
-        if let Some(last) = self.last.filter(|&last| last == time || (time..=now).contains(&last)) {
-            let late_s = last.seconds_since(time);
-            if late_s > CLOCK_BEGINS_AGAIN_S {
-                self.last = Some(time);
-            }
-            return Err(late_s);
+    /// Takes the time of a message. Returns whether its clock has begun again; of such a clock, the first message is refused
+    /// ([`ClockWatch`]). If it is not newer than the one before, the error is by how much it is older, s. A time from the
+    /// future does not make others older, which would all be refused until the clock is there, but does not count twice.
+    pub fn take(&mut self, time: Stamp, now: Stamp) -> Result<bool, f64> {
+        let begins_again = self.clock.begins_again(self.last.filter(|&last| last <= now), time);
+        let is_older = |last: &Stamp| *last == time || (time..=now).contains(last);
+        if let Some(last) = self.last.filter(|last| !begins_again && is_older(last)) {
+            return Err(last.seconds_since(time));
         }
         self.last = Some(time);
-        Ok(())
+        Ok(begins_again)
     }
 }
 
@@ -70,12 +67,12 @@ mod tests {
         let second = |s: u64| Stamp(s * 1_000_000_000);
         let mut order = InOrder::default();
         let mut take = |time_s: u64, now_s: u64| order.take(second(time_s), second(now_s));
-        assert_eq!(take(10, 11), Ok(()));
+        assert_eq!(take(10, 11), Ok(false));
         assert_eq!(take(10, 11), Err(0.0));
         assert_eq!(take(8, 11), Err(2.0));
-        assert_eq!(take(11, 11), Ok(()));
-        assert_eq!(take(3600, 12), Ok(()));
-        assert_eq!(take(12, 13), Ok(()));
+        assert_eq!(take(11, 11), Ok(false));
+        assert_eq!(take(3600, 12), Ok(false));
+        assert_eq!(take(12, 13), Ok(false));
         assert_eq!(take(11, 13), Err(1.0));
     }
 
@@ -83,19 +80,19 @@ mod tests {
     fn of_a_clock_that_begins_again_one_message_is_refused_and_one_late_message_makes_no_other_late() {
         let ms = |ms: u64| Stamp(ms * 1_000_000);
         let mut order = InOrder::default();
-        let mut is_taken = |time_ms: u64| order.take(ms(time_ms), ms(900_000)).is_ok();
-        let begins_again = [500_000, 1_000, 1_100, 1_200, 1_150].map(&mut is_taken);
-        assert_eq!(begins_again, [true, false, true, true, false]);
-        let one_is_late = [500_000, 1_300, 500_100, 500_050].map(is_taken);
-        assert_eq!(one_is_late, [true, false, true, false]);
+        let mut take = |time_ms: u64| order.take(ms(time_ms), ms(900_000)).ok();
+        let begins_again = [500_000, 1_000, 1_100, 1_200, 1_150].map(&mut take);
+        assert_eq!(begins_again, [Some(false), None, Some(true), Some(false), None]);
+        let one_is_late = [500_000, 1_300, 500_100, 500_050].map(take);
+        assert_eq!(one_is_late, [Some(false), None, Some(false), None]);
     }
 
     #[test]
     fn what_comes_twice_from_a_sensor_whose_clock_is_ahead_is_refused() {
         let ms = |ms: u64| Stamp(ms * 1_000_000);
         let mut order = InOrder::default();
-        assert_eq!(order.take(ms(28_000), ms(10_000)), Ok(()));
+        assert_eq!(order.take(ms(28_000), ms(10_000)), Ok(false));
         assert_eq!(order.take(ms(28_000), ms(10_200)), Err(0.0));
-        assert_eq!(order.take(ms(28_200), ms(10_400)), Ok(()));
+        assert_eq!(order.take(ms(28_200), ms(10_400)), Ok(false));
     }
 }

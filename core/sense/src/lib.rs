@@ -5,6 +5,8 @@
 //!   transforms).
 //! - [`Extrinsics`]: poses of vehicle and sensor at a time, as the parameter messages `rcs.VehiclePose` and `rcs.Mount`
 //!   define them.
+//! - [`ClockWatch`], [`InOrder`]: messages that come late, and clocks that begin again.
+//! - [`FrameWatch`]: whether the local frame has begun again.
 //! - [`SensorTime`]: when a sensor measured, where its clock may be ahead.
 //! - [`ImageCheck`]: whether an image is usable: its size, its exposure, and that the camera is not frozen.
 //! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
@@ -33,8 +35,10 @@
 //! assert_eq!(message.fields[0].name, "cost.my_sensor");
 //! ```
 
+mod clock;
 mod cost_grid;
 mod extrinsics;
+mod frame_watch;
 mod image_check;
 mod in_order;
 mod label;
@@ -49,15 +53,17 @@ mod slippery;
 mod standing;
 mod worth;
 
+pub use clock::{CLOCK_BEGINS_AGAIN_S, ClockWatch};
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
 pub use extrinsics::{
     Axes, Extrinsics, MAX_ROLL_DEG, MIN_UPRIGHT, OnItsSide, Rolled, camera_of, camera_roll_deg,
     read_calibration, upright, upright_columns,
 };
+pub use frame_watch::FrameWatch;
 pub use image_check::{
     ImageCheck, ImageFault, check_exposure, check_size, fingerprint, fingerprint_of_texts, luma, size_of,
 };
-pub use in_order::{CLOCK_BEGINS_AGAIN_S, InOrder, Repeats};
+pub use in_order::{InOrder, Repeats};
 pub use label::ObstacleLabel;
 pub use learned::{last_learned, learned_name, model_to_delete};
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};

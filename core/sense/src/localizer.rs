@@ -156,10 +156,20 @@ impl Localizer {
         self.tree.is_empty()
     }
 
+    /// The frame whose poses in the local one tell that of the vehicle, by its name in the tree.
+    pub(crate) fn source<'a>(&self, names: FrameNames<'a>) -> &'a str {
+        if self.tree.contains(STREAM) { STREAM } else { names.vehicle }
+    }
+
+    /// Time of the newest pose of a frame in another one that is not later than a time; `None` where there is none, and
+    /// where the pose holds at all times.
+    pub(crate) fn newest_until(&self, target: &str, source: &str, time: Stamp) -> Option<Stamp> {
+        self.tree.newest_until(target, source, time.0).ok().flatten().map(Stamp)
+    }
+
     /// The time of a sensor by the clock of the vehicle's poses.
     pub(crate) fn time_of_pose(&self, names: FrameNames<'_>, time: SensorTime) -> Stamp {
-        let source = if self.tree.contains(STREAM) { STREAM } else { names.vehicle };
-        let newest = self.tree.newest(names.local, source).ok().flatten();
+        let newest = self.tree.newest(names.local, self.source(names)).ok().flatten();
         time.by_clock_of(newest.map(Stamp))
     }
 

@@ -57,7 +57,7 @@ pub use map::{CELL_SIZE_M, MAX_SIDE, Map, SIDE};
 pub use message::MapMessage;
 pub use options::MapOptions;
 pub use source::{Source, SourceNameError, Sources};
-pub use weights_params::{weight_field, weights_of};
+pub use weights_params::{weight_field, weights_beside, weights_of};
 
 /// The highest cost.
 pub const MAX_COST: u8 = 250;

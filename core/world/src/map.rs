@@ -222,6 +222,20 @@ impl Map {
         }
     }
 
+    /// The clock of a source has begun again: cells of which it says something count as last changed at this time at the
+    /// latest.
+    pub fn limit_updated(&mut self, source: Source, time: Stamp) {
+        let Some(layer) = self.layer(source) else { return };
+        let is_later = |index: &CellIndex| self.grid.get(*index).is_some_and(|cell| cell.updated > time);
+        let said = layer.iter().filter(|(_, evidence)| **evidence != Evidence::NONE);
+        let later: Vec<CellIndex> = said.map(|(index, _)| index).filter(is_later).collect();
+        for index in later {
+            if let Some(cell) = self.grid.get_mut(index) {
+                cell.updated = time;
+            }
+        }
+    }
+
     fn touch(&mut self, index: CellIndex, time: Stamp) {
         if let Some(cell) = self.grid.get_mut(index) {
             cell.updated = cell.updated.max(time);

@@ -56,3 +56,12 @@ pub fn weight_field(params: &AnyMessage, source: Source) -> Option<String> {
     let place = items.iter().position(is_it)?;
     Some(format!("{}[{place}].{}", names.list, names.weight))
 }
+
+/// The fields of the weights that differ from those with which a map was fused, such as `sources[2].weight`, and the
+/// weights of the map: ones that were learned, or those of parameters before these.
+pub fn weights_beside(params: &AnyMessage, fused: &Weights) -> Vec<(String, f32)> {
+    let Some(given) = weights_of(params) else { return Vec::new() };
+    let of_map = |entry: &Weighted| fused.get(entry.source).weight;
+    let differing = given.iter().filter(|entry| entry.weight != of_map(entry));
+    differing.filter_map(|entry| Some((weight_field(params, entry.source)?, of_map(&entry)))).collect()
+}

@@ -212,7 +212,9 @@ impl ColorModelLearner {
         cx: &mut Cycle<'_>,
     ) -> Result<ColorLearning, Unusable> {
         let time = image.acq_time();
-        self.order.take(time, cx.now()).map_err(|late_s| Unusable::Late { late_s })?;
+        if self.order.take(time, cx.now()).map_err(|late_s| Unusable::Late { late_s })? {
+            cx.fault("the clock of the images has begun again");
+        }
         let camera = self.camera.clone().ok_or(Unusable::NoCalibration)?;
         let size = [camera.width, camera.height];
         let rgb = self.check.check(image, Some(size), params.image_check.as_ref())?;

@@ -378,7 +378,8 @@ fn models_are_sent_on_after_the_clock_of_the_camera_has_begun_again() {
     let before = bench::sent(&run, "/color/models");
     assert_eq!(before, 1);
     until(&mut run, 31_600);
-    assert_eq!(faults(&run).0, 1, "of the new clock, the first image is refused");
+    let said = (2, "the clock of the images has begun again".to_owned());
+    assert_eq!(faults(&run), said, "of the new clock, the first image is refused");
     assert!(bench::sent(&run, "/color/models") > before);
 }
 

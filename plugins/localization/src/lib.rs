@@ -80,7 +80,9 @@
 //! UTM, an outlier, a fix that is repeated or older than `gps_dropout_s`, or with the ROS status "no fix") are faults and are
 //! skipped. An orientation of the inertial sensor that cannot be used, such as four zeros, is a fault once and counts as none.
 //! A fix without altitude (NaN, by ROS conventions) leaves the height as it is. A reading from the future counts as
-//! taken when it came: a sensor whose clock was ahead for a moment is not refused until that time is there.
+//! taken when it came: a sensor whose clock was ahead for a moment is not refused until that time is there. Where the clocks of
+//! encoders and inertial sensor have both begun again, as where a simulation was started again, the estimates begin anew with
+//! the second reading; while only one of them has, its readings are refused.
 //!
 //! Without a world file, the global frame has its origin at the first of the two fixes that agree. An inertial sensor that
 //! begins later than `input_timeout_s` after the encoders still gives the heading at the start, unless the wheels have moved.

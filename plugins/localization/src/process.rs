@@ -1,9 +1,11 @@
 //! The process `localization`: reads the sensors, and sends the local and the global estimate. Its port table is in
 //! the crate's documentation.
 
+mod clocks;
 mod inputs;
 mod output;
 
+use self::clocks::SensorClock;
 use self::output::way_slip;
 use crate::attitude::Attitude;
 use crate::fixes::GlobalEstimate;
@@ -33,6 +35,8 @@ pub struct Localization {
     waiting_origin: Option<Origin>,
     /// Of inertial sensor and encoders: one that repeats its last message measures nothing.
     repeats: [Repeats; 2],
+    /// Of inertial sensor and encoders.
+    clocks: [SensorClock; 2],
     /// Stamp of the last fix.
     fix_stamp: Option<Stamp>,
     speed_mps: f64,
@@ -195,7 +199,7 @@ impl Localization {
             }
         }
         while let Some(encoders) = cx.read(&ports.encoders) {
-            match self.roll(&encoders, params) {
+            match self.roll(&encoders, params, cx) {
                 Ok(slipped) => {
                     let time = encoders.acq_time_on_arrival();
                     newest = newest.max(Some(time));

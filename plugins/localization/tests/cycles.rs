@@ -361,3 +361,37 @@ fn a_reading_from_the_future_does_not_block_those_after_it() {
     let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).unwrap();
     assert!((pose.translation.x - 1.0).abs() < 0.02, "{}", pose.translation);
 }
+
+#[test]
+fn the_estimates_begin_anew_when_the_clocks_of_encoders_and_inertial_sensor_have_both_begun_again() {
+    let mut bench = start();
+    bench.cycles(20, 600);
+    // Gives a way of the wheels by both clocks, ms. Returns how far east the estimate is, m, and the number of faults.
+    let mut drive = |way_m: f64, encoders_ms: u64, imu_ms: u64| {
+        let stamp = |ms: u64| Stamp(ms * 1_000_000);
+        sense(&mut bench, "/operator/encoders", stamp(encoders_ms), rolled(way_m));
+        sense(&mut bench, "/operator/imu", stamp(imu_ms), heading(0.0));
+        bench.cycles(20, 1);
+        let odometry: Option<Odometry> = bench.newest("/localization/local");
+        let pose = odometry.map(|odometry| pose_of(odometry.pose.as_ref(), "local").unwrap());
+        (pose.map_or(0.0, |pose| pose.translation.x), bench.faults("localization"))
+    };
+    let mut last = (0.0, (0, String::new()));
+    for step in 0..50_u32 {
+        last = drive(0.02 * f64::from(step), 11_000 + 20 * u64::from(step), 11_000 + 20 * u64::from(step));
+    }
+    let (before_m, faults) = last.clone();
+    assert!(before_m > 0.8 && faults.0 == 0, "{before_m}: {faults:?}");
+    // With the encoders alone, turns would count twice.
+    for step in 0..10_u32 {
+        last = drive(5.0 + 0.02 * f64::from(step), 500 + 20 * u64::from(step), 12_000 + 20 * u64::from(step));
+    }
+    assert_eq!((last.0, last.1.0), (before_m, 10));
+    for step in 0..20_u32 {
+        last = drive(0.02 * f64::from(step), 700 + 20 * u64::from(step), 700 + 20 * u64::from(step));
+    }
+    // Of the second pair of readings on.
+    assert!((0.3..0.37).contains(&last.0), "{last:?}");
+    let why = "the clocks of the sensors have begun again; the estimates begin anew";
+    assert_eq!(last.1, (13, why.to_owned()));
+}

@@ -20,14 +20,15 @@ use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, InOrder, Localizer, LocalizerError, PosePorts, SensorTime, camera_of, pose_of, read_calibration,
+    Axes, FrameWatch, InOrder, Localizer, LocalizerError, PosePorts, SensorTime, camera_of, pose_of,
+    read_calibration,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// State: the poses of the last seconds, the camera, the ground map of the negative obstacles, and in how many frames cells
-/// were obstacles.
+/// State: the poses of the last seconds, the camera, the ground map of the negative obstacles, in how many frames cells
+/// were obstacles, and by which clocks and in which local frame.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Obstacles {
     localizer: Localizer,
@@ -36,6 +37,7 @@ pub struct Obstacles {
     sightings: Sightings,
     /// Order of the depth images, and of the clouds.
     order: [InOrder; 2],
+    frame_watch: FrameWatch,
     /// Rays of `camera`, computed on first use.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
@@ -128,12 +130,14 @@ impl Process for Obstacles {
             ground: GroundMap::new().expect("the size of the ground map is valid"),
             sightings: Sightings::new().expect("the size of the cost map is valid"),
             order: Default::default(),
+            frame_watch: FrameWatch::default(),
             rays: None,
         }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
+        let has_clock_begun_again = ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
+        self.watch_frame(has_clock_begun_again, params, cx);
         if let Some(calibration) =
             read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
         {
@@ -142,9 +146,8 @@ impl Process for Obstacles {
         let mut seen = false;
         if let Some(image) = cx.read_newest(&ports.depth) {
             seen = true;
-            let scanned = self.order[0]
-                .take(image.acq_time(), cx.now())
-                .map_err(|age_s| Unusable::Late { age_s })
+            let scanned = self
+                .take_time(0, image.acq_time(), cx)
                 .and_then(|()| self.scan_depth(&image, ports, params, cx));
             if let Err(error) = scanned {
                 cx.fault(format!("{error}; image skipped"));
@@ -152,9 +155,8 @@ impl Process for Obstacles {
         }
         if let Some(cloud) = cx.read_newest(&ports.cloud) {
             seen = true;
-            let scanned = self.order[1]
-                .take(cloud.acq_time(), cx.now())
-                .map_err(|age_s| Unusable::Late { age_s })
+            let scanned = self
+                .take_time(1, cloud.acq_time(), cx)
                 .and_then(|()| self.scan_cloud(&cloud, ports, params, cx));
             if let Err(error) = scanned {
                 cx.fault(format!("{error}; cloud skipped"));
@@ -165,6 +167,34 @@ impl Process for Obstacles {
 }
 
 impl Obstacles {
+    /// Forgets what was seen where the local frame has begun again: it lies elsewhere now.
+    fn watch_frame(&mut self, has_clock_begun_again: bool, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
+        let extrinsics = extrinsics(params);
+        let pose = extrinsics.local_from_vehicle(&self.localizer, cx.now()).ok();
+        let at = pose.map(|pose| pose.translation.truncate());
+        let has_clock_begun_again = has_clock_begun_again && !extrinsics.fixed_pose;
+        if let Some(why) = self.frame_watch.begins_again(has_clock_begun_again, at, cx.now()) {
+            self.forget(&why, cx);
+        }
+    }
+
+    /// Takes the time of a depth image (0) or a cloud (1). What was seen by a clock that has begun again is forgotten.
+    fn take_time(&mut self, input: usize, time: Stamp, cx: &mut Cycle<'_>) -> Result<(), Unusable> {
+        let begins_again =
+            self.order[input].take(time, cx.now()).map_err(|age_s| Unusable::Late { age_s })?;
+        if begins_again {
+            let what = ["depth images", "clouds"][input];
+            self.forget(&format!("the clock of the {what} has begun again"), cx);
+        }
+        Ok(())
+    }
+
+    fn forget(&mut self, why: &str, cx: &mut Cycle<'_>) {
+        self.ground.clear();
+        self.sightings.clear();
+        cx.fault(format!("{why}; ground and obstacles seen before are forgotten"));
+    }
+
     fn read_calibration(
         &mut self,
         calibration: &CameraCalibration,

@@ -23,6 +23,11 @@ impl Sightings {
         Ok(Sightings { grid: ScrollGrid::new(SIDE, CELL_SIZE_M, 0)? })
     }
 
+    /// Forgets everything.
+    pub(crate) fn clear(&mut self) {
+        self.grid.clear();
+    }
+
     /// Moves the window around the vehicle.
     pub(crate) fn recentre(&mut self, centre: CellIndex) {
         self.grid.recentre(centre);

@@ -11,6 +11,7 @@ use rcs_msg::foxglove::{
 use rcs_msg::rcs::Command;
 use rcs_msg::{AnyMessage, Stamp, schema_of};
 use rcs_obstacles::Obstacles;
+use rcs_obstacles::proto::ObstacleStats;
 use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_testkit::bench::{Bench, Setup, faults, newest, sent};
 use rcs_testkit::logs::hand_made;
@@ -34,7 +35,21 @@ mount = { fixed = true, height_m = 1.0 }
 
 /// Flat ground 2 to 10 m ahead of a sensor 1 m above it.
 fn cloud() -> PointCloud {
-    let places = (20..100).flat_map(|x| (-20..20).map(move |y| [x as f32 * 0.1, y as f32 * 0.1, -1.0]));
+    cloud_of(ground(100))
+}
+
+/// Flat ground up to a wall 5 m ahead, 1.2 m high.
+fn wall() -> PointCloud {
+    let of_wall = |y: i32| (0..24).map(move |z| [5.05, y as f32 * 0.02, z as f32 * 0.05 - 1.0]);
+    cloud_of(ground(50).chain((-100..100).flat_map(of_wall)))
+}
+
+/// Points of the ground each 0.1 m, from 2 m ahead.
+fn ground(end: i32) -> impl Iterator<Item = [f32; 3]> {
+    (20..end).flat_map(|x| (-20..20).map(move |y| [x as f32 * 0.1, y as f32 * 0.1, -1.0]))
+}
+
+fn cloud_of(places: impl Iterator<Item = [f32; 3]>) -> PointCloud {
     let data: Vec<u8> = places.flatten().flat_map(f32::to_le_bytes).collect();
     let fields = ["x", "y", "z"].iter().zip([0, 4, 8]).map(|(name, offset)| PackedElementField {
         name: (*name).to_owned(),
@@ -76,6 +91,43 @@ fn a_cloud_that_comes_twice_or_late_is_a_fault_and_one_from_the_future_does_not_
     assert_eq!(give(&mut bench, 950), (2, 2));
     assert_eq!(give(&mut bench, 3_600_000), (3, 2));
     assert_eq!(give(&mut bench, 1_000), (4, 2));
+}
+
+#[test]
+fn clouds_whose_clock_begins_again_are_used_from_the_second_one_on() {
+    let mut bench = Setup::new(STACK, &[ProcessType::of::<Obstacles>()]).bench();
+    bench.advance(20_000);
+    assert_eq!(give(&mut bench, 19_900), (1, 0));
+    assert_eq!(give(&mut bench, 1_000), (1, 1), "it may be late");
+    assert_eq!(give(&mut bench, 1_100), (2, 2));
+    let why = "the clock of the clouds has begun again; ground and obstacles seen before are forgotten";
+    assert_eq!(bench.faults("obstacles").1, why);
+    assert_eq!(give(&mut bench, 1_200), (3, 2));
+}
+
+#[test]
+fn obstacles_that_were_seen_before_the_local_frame_began_again_are_forgotten() {
+    let stack = STACK
+        .replace("pose = { source = \"POSE_FIXED\" }", "positive_frames = 2\nsure_range_m = 0.0")
+        .replace("/operator/cloud\" }", "/operator/cloud\", odometry = \"/operator/odometry\" }");
+    let mut bench = Setup::new(&stack, &[ProcessType::of::<Obstacles>()]).bench();
+    bench.advance(1_000);
+    // Whether the wall is reported by a vehicle that is this far east, m.
+    let mut is_seen = |x_m: f64| {
+        let position = Some(Vector3 { x: x_m, ..Vector3::default() });
+        let orientation = Some(Quaternion { w: 1.0, ..Quaternion::default() });
+        let pose = Some(foxglove::Pose { position, orientation });
+        let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+        bench.write("/operator/odometry", odometry);
+        let now_ms = bench.now_ms;
+        give_cloud(&mut bench, now_ms, wall());
+        bench.latest::<ObstacleStats>("/obstacles/stats").obstacle_cells > 0
+    };
+    assert_eq!([is_seen(0.0), is_seen(0.0)], [false, true], "in the second frame");
+    assert_eq!([is_seen(8.0), is_seen(8.0)], [false, true], "it is elsewhere");
+    assert_eq!([is_seen(0.0), is_seen(0.0)], [false, true]);
+    let why = "the pose in the local frame leapt by 8.0 m; ground and obstacles seen before are forgotten";
+    assert_eq!(bench.faults("obstacles"), (2, why.to_owned()));
 }
 
 #[test]

@@ -20,12 +20,13 @@ impl Children {
         }
     }
 
-    /// Sends an order to every child when this process has got it, and to one that the operator gives back. Returns
-    /// whether a planner was sent one: it has forgotten its goal.
+    /// Sends an order to every child if it is new, and to one that the operator gives back. Returns whether a planner was
+    /// sent one: it has forgotten its goal.
     pub(crate) fn pass_on(
         &self,
         to_planners: &Order<PlannerCommand>,
         to_follower: &Order<NoCommands>,
+        is_new: bool,
         cx: &mut Cycle<'_>,
     ) -> bool {
         let again = |report: Option<ChildReport>, is_halt: bool| {
@@ -33,12 +34,12 @@ impl Children {
         };
         let mut forgotten = false;
         for planner in [&self.planner, &self.far_planner] {
-            if cx.is_new_command() || again(cx.child(planner), matches!(to_planners, Order::Halt)) {
+            if is_new || again(cx.child(planner), matches!(to_planners, Order::Halt)) {
                 cx.send(planner, to_planners.clone());
                 forgotten = true;
             }
         }
-        if cx.is_new_command() || again(cx.child(&self.follower), matches!(to_follower, Order::Halt)) {
+        if is_new || again(cx.child(&self.follower), matches!(to_follower, Order::Halt)) {
             cx.send(&self.follower, to_follower.clone());
         }
         forgotten

@@ -104,17 +104,17 @@ impl Process for WaypointFollower {
             images: [
                 b.optional_input(
                     "left_images",
-                    "images or ranges of the left cameras, which must not stop: it stands without recent ones",
+                    "images, ranges or labels of the left side: it stands without recent ones",
                 ),
-                b.optional_input("right_images", "the same of the right cameras"),
+                b.optional_input("right_images", "the same of the right side"),
             ],
             goal: b.optional_input("goal", "the goal, local frame: for modes that drive straight to it"),
             plan: b.optional_input("plan", "the plan: for modes that begin when there is no way"),
             bumper: b.optional_input("bumper", "switches of the bumper, for modes"),
             slip: b.optional_input("slip", "slip of the wheels and load of the motors, for modes"),
-            way_slip: b
-                .optional_input("way_slip", "slip over the last metres, for modes"),
-            vehicle: b.optional_input("vehicle", "state of the vehicle; held or driven by hand, it is not stuck"),
+            way_slip: b.optional_input("way_slip", "slip over the last metres, for modes"),
+            vehicle: b
+                .optional_input("vehicle", "state of the vehicle; held or driven by hand, it is not stuck"),
             poses: PosePorts::declare(b),
             drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             arc: b.output("arc", "the arc that is driven, local frame").role(Role::Path).build(),
@@ -185,8 +185,8 @@ impl Process for WaypointFollower {
         let [left, right] = &ports.images;
         let senses = [
             ("sensed", "what is sensed", newest(&ports.sensed, cx)),
-            ("left_images", "the newest left image", newest(left, cx)),
-            ("right_images", "the newest right image", newest(right, cx)),
+            ("left_images", "what comes from the left side", newest(left, cx)),
+            ("right_images", "what comes from the right side", newest(right, cx)),
         ];
         for (input, what, newest) in senses {
             let why = match newest {

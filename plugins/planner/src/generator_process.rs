@@ -10,9 +10,10 @@ mod path_memory;
 mod same_start;
 
 use self::bars::in_local;
-use self::given::Given;
+use self::given::{Given, Refused};
 use self::goals::zones_of_files;
 use self::inputs::points;
+use self::path_memory::remembered_of;
 use crate::barred::Barred;
 use crate::children::Children;
 use crate::goal::Goal;
@@ -34,7 +35,7 @@ use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFra
 use rcs_msg::params::check_typed;
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Localizer, Origin, pose_message};
+use rcs_sense::{FrameWatch, Localizer, Origin, pose_message};
 use serde::{Deserialize, Serialize};
 
 /// The planner of the near map is told another point of the far path when that is this far away, m.
@@ -45,6 +46,8 @@ rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
     pub enum WaypointGeneratorCommand {
         GoTo(UtmGoal) = "GO_TO": "Drive to this place instead of the goal of the file.",
+        Save = "SAVE": "Write the slips now. The route is written near the goal alone, again and again.",
+        Clear = "CLEAR": "Forget the remembered route and slips until the next start, and the way and slips of this run so far.",
     }
 }
 
@@ -84,7 +87,9 @@ pub struct WaypointGenerator {
     /// Fingerprint of the parameters.
     obeyed: Option<u64>,
     /// Why the slips of the parameters were not used.
-    refused_slips: Option<String>,
+    refused_slips: Refused,
+    /// Fingerprint of the route and the slips of the parameters that it was told to forget.
+    forgotten: Option<u64>,
     /// The path of the planner of the far map, local frame, m; empty without one.
     far_path: Vec<(f64, f64)>,
     /// When it came.
@@ -97,12 +102,16 @@ pub struct WaypointGenerator {
     began: Option<Stamp>,
     /// When the route was sent last.
     sent: Option<Stamp>,
+    /// The goal to which that route leads, global frame, m.
+    sent_goal: Option<(f64, f64)>,
     /// Why the route of the parameters was not used.
-    refused_route: Option<String>,
+    refused_route: Refused,
     /// Places that the vehicle could not get over, global frame, m.
     barred: Vec<Barred>,
     /// When those of them where the wheels slipped were sent last.
     slips_sent: Option<Stamp>,
+    /// When it was told to save them, until it has.
+    asked: Option<Stamp>,
     /// Where the wheels slipped over some metres, global frame, m.
     slippery: Vec<(f64, f64)>,
     /// How far the wheels have gripped, as images tell it.
@@ -113,6 +122,7 @@ pub struct WaypointGenerator {
     error_m: f64,
     /// Position in the global frame, m.
     position: Option<(f64, f64)>,
+    frame_watch: FrameWatch,
     /// Since when the planner of the near map finds no way to where the far path leads.
     no_way: Option<Stamp>,
     /// Until when it plans to a point half as far along the far path, because it had made a detour.
@@ -229,22 +239,45 @@ impl Process for WaypointGenerator {
         Self::default()
     }
 
-    /// Where the operator has sent the vehicle is kept, with the goals that it has reached.
+    /// Where the operator has sent the vehicle is kept, with the goals that it has reached, and so is what this run hands to
+    /// the next one: its way, and where its wheels slipped. Both are kept in the global frame, because the local one may
+    /// begin anew.
     fn renew(&self, _params: &WaypointGeneratorParams) -> Self {
-        Self { commanded: self.commanded, mission: self.mission.clone(), ..Self::default() }
+        let mut renewed = Self {
+            commanded: self.commanded,
+            mission: self.mission.clone(),
+            sent: self.sent,
+            sent_goal: self.sent_goal,
+            barred: self.barred.iter().filter(|place| place.slipped).copied().collect(),
+            slips_sent: self.slips_sent,
+            slippery: self.slippery.clone(),
+            gripped: self.gripped.clone(),
+            ..Self::default()
+        };
+        // Before it has driven, the way begins where the vehicle stands then.
+        if self.track.len() > 1 {
+            (renewed.track, renewed.way) = (self.track.clone(), self.way.clone());
+            renewed.way.leave_frame();
+            renewed.began = self.began;
+        }
+        renewed
     }
 
     fn init(&mut self, ports: &Ports, _params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        ports.children.pass_on(&Order::Init, &Order::Init, cx);
+        ports.children.pass_on(&Order::Init, &Order::Init, cx.is_new_command(), cx);
         ports.children.await_all("initialized", cx);
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        if cx.is_new_command() {
+        let own = std::iter::from_fn(|| cx.next_command::<Self>());
+        let commands: Vec<WaypointGeneratorCommand> = own.collect();
+        // What it remembers changes nothing for its children, and lets no vehicle drive on that stands.
+        let is_ordered = cx.is_new_run() || commands.iter().any(WaypointGeneratorCommand::is_goal);
+        if is_ordered {
             self.is_standing = false;
         }
         let to_follower = if self.is_standing { Order::Halt } else { Order::Run };
-        if ports.children.pass_on(&Order::Run, &to_follower, cx) {
+        if ports.children.pass_on(&Order::Run, &to_follower, is_ordered, cx) {
             self.told = None;
             self.search = None;
             self.is_halted = false;
@@ -255,14 +288,14 @@ impl Process for WaypointGenerator {
             self.search = None;
             // It is judged anew in this cycle, and so is the goal of a command.
             self.forbidden = None;
+            self.forgotten = self.forgotten.filter(|forgotten| *forgotten == remembered_of(params));
         }
-        while let Some(command) = cx.next_command::<Self>() {
-            let WaypointGeneratorCommand::GoTo(goal) = command;
-            self.commanded = Some((goal.zone as u8, goal.easting_m, goal.northing_m));
-            self.mission.goals = None;
-            self.search = None;
-            self.told = None;
-            self.forbidden = None;
+        for command in commands {
+            match command {
+                WaypointGeneratorCommand::GoTo(goal) => self.go_to(&goal),
+                WaypointGeneratorCommand::Save => self.asked = Some(cx.now()),
+                WaypointGeneratorCommand::Clear => self.forget(ports, params, cx),
+            }
         }
         self.take_transforms(ports, params, cx);
         let arrived = self.take_mission(ports, params, cx);
@@ -313,7 +346,7 @@ impl Process for WaypointGenerator {
         if std::mem::take(&mut self.is_standing) {
             ports.children.order_follower(Order::Run, cx);
         }
-        self.send_route(ports, params, goal, cx);
+        self.send_route(ports, params, stated, goal, cx);
         let age_s = cx.now().seconds_since(at);
         let mut note = self.search.as_ref().map_or(String::new(), GoalSearch::note);
         note.push_str(self.unused_far_path());
@@ -325,12 +358,19 @@ impl Process for WaypointGenerator {
     }
 
     fn halt(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        ports.children.pass_on(&Order::Halt, &Order::Halt, cx);
+        ports.children.pass_on(&Order::Halt, &Order::Halt, cx.is_new_command(), cx);
         if cx.is_new_command() {
             self.told = None;
             send_none(ports, params, cx);
         }
         ports.children.await_all("halted", cx);
+    }
+}
+
+impl WaypointGeneratorCommand {
+    /// Whether it states where to drive.
+    fn is_goal(&self) -> bool {
+        matches!(self, WaypointGeneratorCommand::GoTo(_))
     }
 }
 
@@ -372,11 +412,8 @@ impl WaypointGenerator {
             self.forbidden = None;
             return;
         }
-        let refused_before = self.refused_route.clone();
         let route = self.remembered(params, stated, &local_from_route);
-        if let Some(why) = self.refused_route.as_ref().filter(|why| refused_before.as_ref() != Some(why)) {
-            cx.fault(format!("route: {why}; not used"));
-        }
+        let route = self.refused_route.or_none("route", route, cx);
         let slips = self.slips_before(params, &(global_from_local * local_from_route)).unwrap_or_default();
         let barred = in_local(self.barred.iter().chain(&slips), &global_from_local);
         let local_from_global = global_from_local.inverse();

@@ -56,9 +56,11 @@
 //! `HALT` on to them, and has the planners plan to the goal ([`goal`]) wherever that moves in the local frame. With a far
 //! planner, the near one plans to the point of its path that lies `lookahead_m` along it, as the levels of A 5 do, so
 //! that what has left the near map is not forgotten; where its path there is a detour, to a point half as far. Command `GO_TO` gives another goal, and the operator's `mission` gives
-//! several ([`mission`]), which are driven to one after the other; both outlive `INIT`. The planners go around [`zones`] and stay inside of the
+//! several ([`mission`]), which are driven to one after the other; both outlive `INIT`. Commands `SAVE` and `CLEAR` are for
+//! what is remembered from run to run; they change nothing of what is driven to. The planners go around [`zones`] and stay inside of the
 //! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`], cut by the `map` as [`shortcut`] says)
-//! is a parameter of the next one, and the planner makes the cells along it cheaper. With `found_within_m`, it looks
+//! is a parameter of the next one, and the planner makes the cells along it cheaper. One to another goal stays until this goal
+//! is reached, and after `CLEAR` one without points is sent. With `found_within_m`, it looks
 //! for the goal of the file after it has arrived there by its own estimate ([`goal_search`]). There are no waypoints,
 //! and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the local frame has jumped in the global one. If the fixes then put the vehicle back on its own track,
@@ -72,8 +74,8 @@
 //! | `waypoints` | in | `foxglove.PosesInFrame` | waypoints of the path, local frame; none to stand |
 //! | `map` | in | `foxglove.Grid` | the world model's map: field cost, local frame |
 //! | `sensed` | in, optional | `foxglove.Grid` | costs from the sensors that must not stop: it stands without recent ones |
-//! | `left_images` | in, optional | `foxglove.RawImage` | images or ranges of the left cameras, which must not stop: it stands without recent ones |
-//! | `right_images` | in, optional | `foxglove.RawImage` | the same of the right cameras |
+//! | `left_images` | in, optional | `foxglove.RawImage` | images, ranges or labels of the left side: it stands without recent ones |
+//! | `right_images` | in, optional | `foxglove.RawImage` | the same of the right side |
 //! | `goal` | in, optional | `foxglove.PoseInFrame` | the goal, local frame: for modes that drive straight to it |
 //! | `plan` | in, optional | `rcs.Plan` | the plan: for modes that begin when there is no way |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |

@@ -13,7 +13,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PosesInFrame};
 use rcs_msg::rcs::{self, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
+use rcs_sense::{Extrinsics, FrameWatch, Localizer, PosePorts, pose_message};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -37,6 +37,7 @@ rcs_runtime::commands! {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct AStarPlanner {
     localizer: Localizer,
+    frame_watch: FrameWatch,
     /// Local frame, m.
     goal: Option<(f64, f64)>,
     /// Whether the goal is a point of a longer path.
@@ -132,7 +133,13 @@ impl Process for AStarPlanner {
 
     fn cycle(&mut self, ports: &Ports, params: &PlannerParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), None);
-        ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
+        let has_clock_begun_again = ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
+        let vehicle = extrinsics.local_from_vehicle(&self.localizer, cx.now());
+        let at = vehicle.as_ref().ok().map(|vehicle| vehicle.translation.truncate());
+        let has_clock_begun_again = has_clock_begun_again && !extrinsics.fixed_pose;
+        if let Some(why) = self.frame_watch.begins_again(has_clock_begun_again, at, cx.now()) {
+            self.forget_driven(&why, cx);
+        }
         let mut is_newly_refused = false;
         while let Some(command) = cx.next_command::<Self>() {
             let PlannerCommand::PlanTo(goal) = command;
@@ -169,7 +176,7 @@ impl Process for AStarPlanner {
             cx.exec("waits for a map");
             return;
         };
-        let vehicle = match extrinsics.local_from_vehicle(&self.localizer, now) {
+        let vehicle = match vehicle {
             Ok(vehicle) => vehicle,
             Err(error) => {
                 self.planned = None;
@@ -219,6 +226,14 @@ impl Process for AStarPlanner {
 }
 
 impl AStarPlanner {
+    /// What was planned and driven lies elsewhere now. The goal stays: who knows where it is tells it again.
+    fn forget_driven(&mut self, why: &str, cx: &mut Cycle<'_>) {
+        self.previous.clear();
+        self.track.clear();
+        (self.beside, self.planned) = (None, None);
+        cx.fault(format!("{why}; the path and the track before are forgotten"));
+    }
+
     fn plan(
         &mut self,
         ports: &Ports,

@@ -174,7 +174,7 @@ fn thinned(way: &[DVec2]) -> impl Iterator<Item = &DVec2> {
     way.iter().step_by(every).chain(end)
 }
 
-/// The route in a text; `None` for an empty one.
+/// The route in a text; `None` for an empty one, and for one without points, as of a run that was told to forget it.
 pub fn parse(text: &str) -> Result<Option<Route>, RouteError> {
     if text.trim().is_empty() {
         return Ok(None);
@@ -184,6 +184,9 @@ pub fn parse(text: &str) -> Result<Option<Route>, RouteError> {
         return Err(RouteError::Format(route.format));
     }
     let count = route.points.len();
+    if count == 0 {
+        return Ok(None);
+    }
     let finite = route.points.iter().all(|point| point.easting_m.is_finite() && point.northing_m.is_finite());
     if !finite || !(2..=MOST_POINTS).contains(&count) {
         return Err(RouteError::Points { count });
@@ -314,12 +317,16 @@ mod tests {
         assert!(told(zone).starts_with("the route is in UTM zone 17"));
         for (route, expected) in [
             (Route { format: 2, ..route.clone() }, "format is 2"),
-            (Route { points: Vec::new(), ..route }, "0 points"),
+            (Route { points: route.points[..1].to_vec(), ..route }, "1 points"),
         ] {
             let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(route)).unwrap();
             assert!(parse(&text).unwrap_err().to_string().starts_with(expected), "{text}");
         }
         assert!(matches!(parse("{"), Err(RouteError::Text(_))));
+        let forgotten = to_message(&[], 0.0, &origin, 0.0);
+        assert_eq!((forgotten.points.len(), forgotten.length_m, forgotten.cut_m), (0, 0.0, 0.0));
+        let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(forgotten)).unwrap();
+        assert_eq!(parse(&text), Ok(None));
     }
 
     #[test]

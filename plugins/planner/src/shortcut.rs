@@ -28,7 +28,7 @@ const BESIDE_M: f64 = 0.5;
 const ROOM_M: f64 = 1.0;
 
 /// Longest step of a track that was driven, m; a longer one is a wrong position.
-const LONGEST_STEP_M: f64 = 20.0;
+pub(crate) const LONGEST_STEP_M: f64 = 20.0;
 
 /// Length that is driven between two cuts, m.
 const STEP_M: f64 = 10.0;
@@ -63,6 +63,8 @@ pub struct Way {
     driven: Vec<WayPoint>,
     /// Length driven since the last cut, m.
     since_cut_m: f64,
+    /// Whether the local frame in which it began has begun again since.
+    has_left_frame: bool,
 }
 
 impl Way {
@@ -86,13 +88,30 @@ impl Way {
         let away_m = |at: &usize| self.points[*at].global.distance(global);
         let nearest = (0..self.points.len()).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
         self.points.truncate(nearest.map_or(0, |at| at + 1));
+        self.close();
+    }
+
+    /// Whether nothing was added since what was driven before is no longer cut.
+    pub fn is_closed(&self) -> bool {
+        self.driven.is_empty() && !self.points.is_empty()
+    }
+
+    /// What was driven so far is no longer cut.
+    fn close(&mut self) {
         self.open = self.points.len();
         self.driven.clear();
     }
 
-    /// Where it begins.
+    /// The local frame has begun again, or may have: where the way was before is known in the global frame alone, and is
+    /// no longer cut.
+    pub fn leave_frame(&mut self) {
+        self.close();
+        self.has_left_frame |= !self.points.is_empty();
+    }
+
+    /// Where it begins, if that is known in the local frame.
     pub fn start(&self) -> Option<WayPoint> {
-        self.points.first().copied()
+        self.points.first().copied().filter(|_| !self.has_left_frame)
     }
 
     /// Whether the vehicle has driven far enough since the last cut.
@@ -338,6 +357,18 @@ mod tests {
         let mut way = way;
         way.back_to(to_global(DVec2::ZERO));
         assert_eq!(way.in_global(true, corrected), [to_global(DVec2::ZERO)]);
+    }
+
+    #[test]
+    fn what_was_driven_before_the_local_frame_began_again_stays_in_the_global_frame_and_is_not_cut() {
+        let mut way = along(&INTO_THE_TRAP[..3]);
+        let before = way.in_global(false, to_global);
+        way.leave_frame();
+        assert_eq!(way.start(), None);
+        way.add(WayPoint { local: DVec2::ZERO, global: DVec2::new(90.0, 90.0) });
+        way.cut(&trap(), &[], |local| local + DVec2::splat(90.0));
+        let now = way.in_global(false, |local| local + DVec2::splat(90.0));
+        assert_eq!((&now[..before.len()], now.len()), (before.as_slice(), before.len() + 1));
     }
 
     #[test]

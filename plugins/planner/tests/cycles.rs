@@ -186,6 +186,22 @@ fn without_a_recent_map_or_pose_there_is_no_path() {
 }
 
 #[test]
+fn what_was_planned_before_the_pose_leapt_is_forgotten_and_it_plans_on() {
+    let mut bench = Bench::start();
+    bench.at(0.0, 0.0);
+    bench.map("local", wall);
+    bench.plan_to(10.0, 0.0);
+    bench.cycle();
+    assert_eq!(bench.faults("planner"), (0, String::new()));
+    bench.at(3.0, 8.0);
+    bench.map("local", wall);
+    bench.cycle();
+    let why = "the pose in the local frame leapt by 8.5 m; the path and the track before are forgotten";
+    assert_eq!(bench.faults("planner"), (1, why.to_owned()));
+    assert!(bench.path().first().unwrap().distance(DVec2::new(3.0, 8.0)) < 0.5);
+}
+
+#[test]
 fn a_goal_inside_of_an_obstacle_is_told_and_one_beside_it_is_planned_to() {
     let mut bench = Bench::start();
     bench.at(0.0, 0.0);

@@ -294,7 +294,9 @@ impl Proximity {
             yaw_rate_radps: rate.z,
             pitch_rad: pose.rpy()[1],
         };
-        self.traction.take_inertial(&reading, rules);
+        if self.traction.take_inertial(&reading, rules) {
+            cx.fault("imu: its clock has begun again");
+        }
     }
 
     fn report(&mut self, ports: &Ports, rules: &Rules, cx: &mut Cycle<'_>) {

@@ -16,6 +16,7 @@
 //! more, wheels that spin on the spot are taken to roll again. The start of the spinning is counted.
 
 use rcs_msg::Stamp;
+use rcs_sense::ClockWatch;
 use serde::{Deserialize, Serialize};
 
 /// Standard gravity, m/s².
@@ -142,6 +143,8 @@ pub struct Traction {
     /// Mean speed of the wheels at the last inertial reading, m/s.
     before_mps: f64,
     last_inertial: Option<Stamp>,
+    /// The clock of the inertial readings.
+    clock: ClockWatch,
     /// The time of that reading, and at most its arrival: by it, the sensor is silent or not.
     heard: Option<Stamp>,
     /// Whether the inertial speed is more than the wheels' speed: since the start or a gap, a reading was integrated, or the
@@ -164,10 +167,21 @@ impl Traction {
     }
 
     /// Takes inertial readings in chronological order; readings older than the last one are ignored, unless that one is from
-    /// the future: by it, all others would be older until the clock is there.
-    pub fn take_inertial(&mut self, reading: &Inertial, rules: &Rules) {
+    /// the future: by it, all others would be older until the clock is there. Returns whether the clock has begun again; such a
+    /// reading is one after a gap.
+    pub fn take_inertial(&mut self, reading: &Inertial, rules: &Rules) -> bool {
         let Inertial { time, arrived, .. } = *reading;
         self.last_inertial = self.last_inertial.filter(|&last| last <= arrived || time > arrived);
+        let begins_again = self.clock.begins_again(self.last_inertial, time);
+        if begins_again {
+            self.lose_inertial();
+        }
+        self.integrate(reading, rules);
+        begins_again
+    }
+
+    fn integrate(&mut self, reading: &Inertial, rules: &Rules) {
+        let Inertial { time, arrived, .. } = *reading;
         self.heard = self.heard.max(Some(time.min(arrived)));
         let dt_s = self.last_inertial.map(|last| reading.time.seconds_since(last));
         self.last_inertial = Some(self.last_inertial.map_or(reading.time, |last| last.max(reading.time)));

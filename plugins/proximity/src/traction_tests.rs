@@ -196,6 +196,25 @@ fn readings_after_a_gap_or_out_of_order_are_not_integrated() {
 }
 
 #[test]
+fn the_second_reading_of_a_clock_that_has_begun_again_is_one_after_a_gap_and_the_next_is_integrated() {
+    let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
+    let take = |traction: &mut Traction, ms: u64| {
+        let reading = Inertial {
+            time: Stamp(ms * 1_000_000),
+            arrived: Stamp(900_000_000_000),
+            acceleration_mps2: 50.0,
+            yaw_rate_radps: 0.0,
+            pitch_rad: 0.0,
+        };
+        traction.take_inertial(&reading, &RULES)
+    };
+    let begins_again = [500_000, 500_010, 1_000, 1_010].map(|ms| take(&mut traction, ms));
+    assert_eq!(begins_again, [false, false, false, true]);
+    assert_eq!(traction.inertial_mps, 1.0, "the wheels' speed after a gap");
+    assert!(!take(&mut traction, 1_020) && traction.inertial_mps > 1.0);
+}
+
+#[test]
 fn an_inertial_sensor_too_slow_to_be_integrated_does_not_say_that_the_wheels_grip() {
     let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
     let take = |traction: &mut Traction, ms: u64| {

@@ -1,9 +1,11 @@
 //! Pairs the images of two cameras that were taken at the same time.
 //!
 //! The images of one camera arrive in the order of their acquisition. So the two oldest waiting images either are a
-//! pair, or the counterpart of the older one is missing and will not arrive.
+//! pair, or the counterpart of the older one is missing and will not arrive. Where the clock of a camera begins again, the
+//! images that wait by the old one have no counterpart any more.
 
 use rcs_msg::Stamp;
+use rcs_sense::{CLOCK_BEGINS_AGAIN_S, ClockWatch};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -45,6 +47,7 @@ pub(crate) struct Pairing<T> {
     cameras: [VecDeque<Waiting<T>>; 2],
     /// Acquisition time of the newest image of each camera.
     newest: [Option<Stamp>; 2],
+    clocks: [ClockWatch; 2],
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -56,7 +59,11 @@ struct Waiting<T> {
 
 impl<T> Default for Pairing<T> {
     fn default() -> Self {
-        Self { cameras: [VecDeque::new(), VecDeque::new()], newest: [None; 2] }
+        Self {
+            cameras: [VecDeque::new(), VecDeque::new()],
+            newest: [None; 2],
+            clocks: [ClockWatch::default(); 2],
+        }
     }
 }
 
@@ -82,25 +89,41 @@ pub(crate) enum PairingError {
 impl<T> Pairing<T> {
     /// Adds an image that was taken at `taken` and arrived at `now`. If it is not from the future, the images of its camera
     /// that are later than `now` are forgotten: by them, all others would be refused until the clock is there.
+    ///
+    /// If the clock of its camera has begun again ([`ClockWatch`]), the images of both cameras that wait by the old clock are
+    /// dropped, and their number is returned.
     pub(crate) fn push(
         &mut self,
         side: Side,
         taken: Stamp,
         now: Stamp,
         image: T,
-    ) -> Result<(), PairingError> {
+    ) -> Result<Option<usize>, PairingError> {
         let newest = &mut self.newest[side as usize];
         let waiting = &mut self.cameras[side as usize];
         if taken <= now {
             *newest = newest.filter(|&newest| newest <= now);
             waiting.retain(|image| image.taken <= now);
         }
-        if let Some(before) = newest.filter(|&before| taken <= before) {
+        let begins_again = self.clocks[side as usize].begins_again(*newest, taken);
+        if let Some(before) = newest.filter(|&before| taken <= before && !begins_again) {
             return Err(PairingError::Past { side, taken, before });
         }
         *newest = Some(taken);
-        waiting.push_back(Waiting { taken, arrived: now, image });
-        Ok(())
+        let dropped = begins_again.then(|| self.drop_far_after(taken));
+        self.cameras[side as usize].push_back(Waiting { taken, arrived: now, image });
+        Ok(dropped)
+    }
+
+    /// Drops the waiting images that are as far after a time as those of an old clock; returns their number.
+    fn drop_far_after(&mut self, time: Stamp) -> usize {
+        let mut dropped = 0;
+        for waiting in &mut self.cameras {
+            let before = waiting.len();
+            waiting.retain(|image| image.taken.seconds_since(time) <= CLOCK_BEGINS_AGAIN_S);
+            dropped += before - waiting.len();
+        }
+        dropped
     }
 
     /// Returns all pairs, oldest first, and the discarded images with their reasons.
@@ -203,6 +226,26 @@ mod tests {
         check(&images, 40, &[[20, 20], [30, 30]], &[]);
         let ahead = [(Left, 90, 10), (Right, 90, 11), (Left, 95, 15), (Right, 95, 16), (Left, 95, 17)];
         check(&ahead, 40, &[[90, 90], [95, 95]], &["not newer"]);
+    }
+
+    #[test]
+    fn after_the_clock_of_both_cameras_has_begun_again_new_images_are_pairs_and_those_that_waited_are_none() {
+        const S: u64 = 1_000_000_000;
+        let old = [(Left, 500 * S), (Right, 500 * S), (Left, 501 * S)];
+        let new = [1, 2, 3].map(|s| [(Left, s * S), (Right, s * S)]);
+        let mut pairing = Pairing::default();
+        let (mut pairs, mut said) = (Vec::new(), Vec::new());
+        for (side, taken) in old.into_iter().chain(new.into_iter().flatten()) {
+            // All come at once, so that none waits too long.
+            said.push(pairing.push(side, Stamp(taken), Stamp(900 * S), taken).ok());
+            let (found, given_up) = pairing.pairs(Stamp(900 * S), PATIENCE);
+            pairs.extend(found.into_iter().map(|pair| pair.images));
+            assert!(given_up.is_empty(), "{given_up:?}");
+        }
+        assert_eq!(pairs, [[500 * S; 2], [2 * S; 2], [3 * S; 2]]);
+        let next = Some(None);
+        let (left, right) = (Some(Some(1)), Some(Some(0)));
+        assert_eq!(said, [next, next, next, None, None, left, right, next, next]);
     }
 
     #[test]

@@ -145,9 +145,19 @@ impl Stereo {
         let image = image
             .map_err(|error| cx.fault(format!("{} image of {taken}: {error}; image skipped", side.name())))
             .ok();
-        if let Err(error) = self.waiting.push(side, taken, cx.now(), image) {
-            self.unpaired += 1;
-            cx.fault(format!("{error}; image skipped"));
+        match self.waiting.push(side, taken, cx.now(), image) {
+            Ok(None) => {}
+            Ok(Some(dropped)) => {
+                self.unpaired += dropped as u64;
+                let name = side.name();
+                cx.fault(format!(
+                    "the clock of the {name} camera has begun again; {dropped} waiting images dropped"
+                ));
+            }
+            Err(error) => {
+                self.unpaired += 1;
+                cx.fault(format!("{error}; image skipped"));
+            }
         }
     }
 

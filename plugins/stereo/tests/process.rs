@@ -322,6 +322,25 @@ fn a_pair_in_which_nothing_has_a_range_is_sent_without_ranges_and_reported() {
 }
 
 #[test]
+fn a_recording_in_which_the_clock_of_the_cameras_begins_again_is_matched_on() {
+    let mut given = calibrated();
+    for (at_ms, stamp_ms) in [(20_000, 21_000), (20_200, 1_000), (20_400, 1_200), (20_600, 1_400)] {
+        given.extend(["/left", "/right"].map(|topic| {
+            let timestamp = Some(Stamp(stamp_ms * 1_000_000).to_proto());
+            give(at_ms, topic, RawImage { timestamp, ..camera(topic, at_ms as u32) })
+        }));
+    }
+    given.push(give(21_000, "/left_calibration", calibration("/left_calibration")));
+    let mut run = run(&given, 1, &[]);
+    run_until(&mut run, 20_900);
+    let stats: rcs_stereo::proto::StereoStats = latest(&run, "stats").unwrap();
+    assert_eq!((stats.timestamp.unwrap().seconds, stats.pairs, stats.unpaired), (1, 3, 2));
+    let (count, last) = faults(&run);
+    let expected = "the clock of the right camera has begun again; 0 waiting images dropped";
+    assert_eq!((count, last.as_str()), (4, expected), "of the new clock, the first images are refused");
+}
+
+#[test]
 fn parameters_that_no_matcher_has_are_refused_before_anything_runs() {
     for (name, value, expected) in [
         ("stereo.disparities", "40", "multiple of 16"),

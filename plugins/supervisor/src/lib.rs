@@ -7,7 +7,7 @@
 //! | `essential` | any number | children without which the vehicle must not move |
 //! | `auxiliary` | any number | children whose failure is reported, and no more |
 //! | `maps` | any number | auxiliary children with a map, which `CLEAR` clears |
-//! | `memory` | any number | auxiliary children that keep a map from one run to the next: `SAVE` and `CLEAR` |
+//! | `memory` | any number | auxiliary children that keep a map or a way from one run to the next: `SAVE` and `CLEAR` |
 //!
 //! A process whose stack entry has no `as = "…"` is `essential`. There are no ports.
 //!
@@ -21,8 +21,8 @@
 //! - `RUN` is sent to all children at once; the supervisor is in `EXEC` from then on.
 //! - `HALT` is sent to the vehicle interface; when that stands, or after `halt_timeout_s`, to all others. The
 //!   supervisor is `DONE` when all children are, except those that obey the operator, which its text names.
-//! - `SAVE` and `CLEAR`, while it runs, are passed on to the children with maps, which save or forget them; nothing else
-//!   changes.
+//! - `SAVE` and `CLEAR`, while it runs, are passed on to the children that keep a map or a way, which save or forget it;
+//!   `CLEAR` also to those with maps. Nothing else changes.
 //!
 //! # Failures
 //!

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 rcs_runtime::commands! {
     /// Commands of [`Supervisor`].
     pub enum SupervisorCommand {
-        Save = "SAVE": "Write the map memory to its buffer now, and not only every few seconds.",
-        Clear = "CLEAR": "Forget the maps and the map memory. What was learned of the terrain around is stated again.",
+        Save = "SAVE": "Write what the next run is to remember to its buffers now, and not only every few seconds.",
+        Clear = "CLEAR": "Forget the maps and what is remembered. What was learned of the terrain around is stated again.",
     }
 }
 
@@ -24,10 +24,10 @@ rcs_runtime::commands! {
 }
 
 rcs_runtime::commands! {
-    /// Commands of a child that keeps a map from one run to the next.
+    /// Commands of a child that keeps something from one run to the next.
     pub enum MemoryCommand {
-        Save = "SAVE": "Write the map to its buffer now.",
-        Clear = "CLEAR": "Forget the remembered map.",
+        Save = "SAVE": "Write it to its buffer now.",
+        Clear = "CLEAR": "Forget what is remembered.",
     }
 }
 
@@ -77,7 +77,7 @@ impl Process for Supervisor {
             maps: b.children("maps", "auxiliary children with a map, which CLEAR clears"),
             memory: b.children(
                 "memory",
-                "auxiliary children that keep a map from one run to the next: SAVE and CLEAR",
+                "auxiliary children that keep a map or a way from one run to the next: SAVE and CLEAR",
             ),
         }
     }
@@ -217,7 +217,7 @@ fn auxiliary(ports: &Ports, cx: &Cycle<'_>) -> Vec<Child<NoCommands>> {
     cx.members(&ports.auxiliary).chain(maps).chain(memory).collect()
 }
 
-/// Passes a command of its own on to the children with maps.
+/// Passes a command of its own on to the children that remember, and to those with maps.
 fn pass_on(ports: &Ports, command: &SupervisorCommand, cx: &mut Cycle<'_>) {
     let reached = match command {
         SupervisorCommand::Save => tell(&ports.memory, &MemoryCommand::Save, cx),

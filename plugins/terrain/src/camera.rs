@@ -11,7 +11,7 @@ use rcs_msg::Stamp;
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Role};
-use rcs_sense::{Extrinsics, ImageCheck, Rgb, SAMPLE_PX, Sample, camera_of, read_calibration};
+use rcs_sense::{ClockWatch, Extrinsics, ImageCheck, Rgb, SAMPLE_PX, Sample, camera_of, read_calibration};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -68,8 +68,18 @@ pub(crate) struct LearnerCamera {
     check: ImageCheck,
     /// Time of the newest labels.
     pub(crate) newest: Option<Stamp>,
+    /// The clock of the labels.
+    clock: ClockWatch,
     /// Whether it has fallen behind the other camera, which is reported once.
     pub(crate) is_late: bool,
+}
+
+/// Labels that have come.
+pub(crate) struct NewLabels {
+    pub(crate) time: Stamp,
+    pub(crate) image: RawImage,
+    /// Whether their clock has begun again with them.
+    pub(crate) begins_again: bool,
 }
 
 /// A frame from which can be learned: all its parts have the same size and time.
@@ -83,7 +93,7 @@ pub(crate) struct Frame {
 }
 
 impl LearnerCamera {
-    /// Reads the inputs and returns the newest labels with their time, if they are new. Unusable data are reported under
+    /// Reads the inputs and returns the newest labels, if they are new. Unusable data are reported under
     /// `name`.
     pub(crate) fn read(
         &mut self,
@@ -91,7 +101,7 @@ impl LearnerCamera {
         name: &str,
         params: &TerrainLearnerParams,
         cx: &mut Cycle<'_>,
-    ) -> Option<(Stamp, RawImage)> {
+    ) -> Option<NewLabels> {
         if let Some(calibration) =
             read_calibration(&ports.calibration, self.camera.is_some(), params.rectified, cx)
         {
@@ -110,6 +120,10 @@ impl LearnerCamera {
             while let Some(message) = cx.read(port) {
                 let got = message.acq_time();
                 recent.forget_ahead(got, cx.now());
+                let newest = recent.newest();
+                if recent.begins_again(newest, got) {
+                    cx.fault(format!("{name} camera: the clock of the {what}s has begun again"));
+                }
                 if let Err(newest) = recent.add(got, (*message).clone()) {
                     cx.fault(format!("{name} camera: {}; skipped", Unusable::Late { what, got, newest }));
                 }
@@ -118,7 +132,11 @@ impl LearnerCamera {
         let message = cx.read_newest(&ports.labels)?;
         let got = message.acq_time();
         let newest = not_ahead(self.newest, got, cx.now());
-        if let Some(newest) = newest.filter(|&newest| newest >= got) {
+        let begins_again = self.clock.begins_again(newest, got);
+        if begins_again {
+            cx.fault(format!("{name} camera: the clock of the labels has begun again"));
+        }
+        if let Some(newest) = newest.filter(|&newest| newest >= got && !begins_again) {
             cx.fault(format!(
                 "{name} camera: {}; skipped",
                 Unusable::Late { what: "label image", got, newest }
@@ -126,7 +144,7 @@ impl LearnerCamera {
             return None;
         }
         self.newest = Some(got);
-        Some((got, (*message).clone()))
+        Some(NewLabels { time: got, image: (*message).clone(), begins_again })
     }
 
     /// The image and the depth for labels, checked.

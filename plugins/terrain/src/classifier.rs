@@ -222,7 +222,14 @@ impl Classifier {
                     self.done = not_ahead(self.done, got, now);
                 }
                 // A processed image is no longer kept, but images older than it are still refused.
-                let newest = recent.newest().max(if what == "image" { self.done } else { None });
+                let mut newest = recent.newest().max(if what == "image" { self.done } else { None });
+                if recent.begins_again(newest, got) {
+                    newest = None;
+                    if what == "image" {
+                        (self.first, self.done) = (None, None);
+                    }
+                    cx.fault(format!("the clock of the {what}s has begun again"));
+                }
                 if let Some(newest) = newest.filter(|&newest| newest >= got) {
                     cx.fault(format!("{}; skipped", Unusable::Late { what, got, newest }));
                 } else if recent.add(got, (*message).clone()).is_ok() {

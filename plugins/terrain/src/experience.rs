@@ -56,6 +56,11 @@ pub(crate) struct Teachers {
 }
 
 impl Teachers {
+    /// Forgets where the vehicle was: the local frame has begun again.
+    pub(crate) fn forget_places(&mut self) {
+        self.lately.clear();
+    }
+
     /// Teaches the maps from the ground under the vehicle, from bumper hits and from the operator; returns whether driving
     /// taught anything, and whether the others did.
     pub(crate) fn teach(

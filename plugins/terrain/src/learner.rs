@@ -17,7 +17,8 @@ use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, CELL_SIZE_M, GridFrame, Localizer, PosePorts, SensorTime, fingerprint_of_texts, model_to_delete,
+    Axes, CELL_SIZE_M, CLOCK_BEGINS_AGAIN_S, FrameWatch, GridFrame, Localizer, PosePorts, SensorTime,
+    fingerprint_of_texts, model_to_delete,
 };
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,7 @@ rcs_runtime::commands! {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TerrainLearner {
     localizer: Localizer,
+    frame_watch: FrameWatch,
     cameras: [LearnerCamera; 2],
     /// One map where one camera learns or both share it; otherwise one per camera.
     maps: Vec<TerrainMap>,
@@ -150,6 +152,7 @@ impl Process for TerrainLearner {
     fn new(params: &TerrainLearnerParams) -> Self {
         Self {
             localizer: Localizer::default(),
+            frame_watch: FrameWatch::default(),
             cameras: Default::default(),
             maps: maps(params),
             begun: None,
@@ -163,7 +166,7 @@ impl Process for TerrainLearner {
 
     fn cycle(&mut self, ports: &Ports, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
         let extrinsics = extrinsics(params);
-        ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
+        let has_clock_begun_again = ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
         let mut changed = false;
         while let Some(command) = cx.next_command::<Self>() {
             match command {
@@ -183,16 +186,24 @@ impl Process for TerrainLearner {
             self.loaded = files(params);
             changed = true;
         }
-        self.follow(params, cx.now());
+        changed |= self.follow(has_clock_begun_again && !extrinsics.fixed_pose, params, cx);
         let rules = rules(params);
         let mut lessons = Vec::new();
         for side in 0..if params.cameras() == TerrainCameras::TerrainLeft { 1 } else { 2 } {
             let camera_ports = [&ports.left, &ports.right][side];
-            let Some((time, labels)) = self.cameras[side].read(camera_ports, SIDES[side], params, cx) else {
+            let Some(labels) = self.cameras[side].read(camera_ports, SIDES[side], params, cx) else {
                 continue;
             };
+            let time = labels.time;
+            if labels.begins_again {
+                // The times of the old clock are no measure of what is late.
+                let is_of_this_clock = |other: &Stamp| other.seconds_since(time) <= CLOCK_BEGINS_AGAIN_S;
+                self.begun = None;
+                let other = &mut self.cameras[1 - side].newest;
+                *other = other.filter(is_of_this_clock);
+            }
             self.begun = not_ahead(self.begun, time, cx.now()).or(Some(time));
-            match self.cameras[side].frame(time, &labels, params) {
+            match self.cameras[side].frame(time, &labels.image, params) {
                 Ok(frame) => match self.learn(side, &frame, params, &rules, ports, cx) {
                     Ok(lesson) => lessons.push(lesson),
                     Err(error) => cx.fault(format!("{} camera: {error}; frame skipped", SIDES[side])),
@@ -236,14 +247,29 @@ impl TerrainLearner {
         }
     }
 
-    /// Centres maps on the vehicle from whose middle it is far: see [`FOLLOWS_M`].
-    fn follow(&mut self, params: &TerrainLearnerParams, now: Stamp) {
+    /// Centres maps on the vehicle from whose middle it is far: see [`FOLLOWS_M`]. Where the local frame has begun again, the
+    /// cells lie elsewhere now, and are forgotten. Returns whether they are.
+    fn follow(
+        &mut self,
+        has_clock_begun_again: bool,
+        params: &TerrainLearnerParams,
+        cx: &mut Cycle<'_>,
+    ) -> bool {
         // Without a pose they stay; frames report it.
-        let Ok(pose) = extrinsics(params).local_from_vehicle(&self.localizer, now) else { return };
-        let place = pose.translation.truncate();
-        for map in self.maps.iter_mut().filter(|map| map.middle().distance(place) > FOLLOWS_M) {
-            map.recentre(place);
+        let pose = extrinsics(params).local_from_vehicle(&self.localizer, cx.now()).ok();
+        let place = pose.map(|pose| pose.translation.truncate());
+        let begins_again = self.frame_watch.begins_again(has_clock_begun_again, place, cx.now());
+        if let Some(why) = &begins_again {
+            self.maps.iter_mut().for_each(TerrainMap::forget_cells);
+            self.teachers.forget_places();
+            cx.fault(format!("{why}; the cells are forgotten, the models stay"));
         }
+        if let Some(place) = place {
+            for map in self.maps.iter_mut().filter(|map| map.middle().distance(place) > FOLLOWS_M) {
+                map.recentre(place);
+            }
+        }
+        begins_again.is_some()
     }
 
     /// Learns from a frame.

@@ -148,6 +148,12 @@ impl TerrainMap {
         })
     }
 
+    /// Forgets all cells, as if they had scrolled off the map; the models stay.
+    pub fn forget_cells(&mut self) {
+        self.cells.clear();
+        self.under.clear();
+    }
+
     /// Centres the map on a position of the local frame, m.
     pub fn recentre(&mut self, place: DVec2) {
         if let Some(centre) = self.cells.cell_at(place) {

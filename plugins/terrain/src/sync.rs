@@ -2,6 +2,7 @@
 
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::{AnyMessage, Stamp};
+use rcs_sense::ClockWatch;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::VecDeque;
@@ -13,6 +14,7 @@ const KEPT: usize = 8;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recent {
     images: VecDeque<(Stamp, Held)>,
+    clock: ClockWatch,
 }
 
 impl Recent {
@@ -34,6 +36,16 @@ impl Recent {
         if time <= now {
             self.images.retain(|(other, _)| *other <= now);
         }
+    }
+
+    /// Whether the clock of the images has begun again with the one of this time that arrives, given the newest time before
+    /// ([`ClockWatch`]). If so, those by the old clock are removed.
+    pub fn begins_again(&mut self, newest: Option<Stamp>, time: Stamp) -> bool {
+        let begins_again = self.clock.begins_again(newest, time);
+        if begins_again {
+            self.images.clear();
+        }
+        begins_again
     }
 
     /// Time of the newest image.
@@ -103,6 +115,18 @@ mod tests {
         assert_eq!(recent.add(Stamp(20_000), image(1)), Err(Stamp(20_000)));
         recent.forget_before(Stamp(19_500));
         assert_eq!(recent.times().collect::<Vec<_>>(), [Stamp(20_000)]);
+    }
+
+    #[test]
+    fn images_by_the_old_clock_are_removed_when_it_has_begun_again_and_not_for_one_that_is_late() {
+        let second = |s: u64| Stamp(s * 1_000_000_000);
+        let mut recent = Recent::default();
+        for (time_s, is_kept) in [(500, true), (1, false), (501, true), (1, false), (2, true), (3, true)] {
+            let newest = recent.newest();
+            assert_eq!(recent.begins_again(newest, second(time_s)), time_s == 2);
+            assert_eq!(recent.add(second(time_s), image(1)).is_ok(), is_kept, "{time_s}");
+        }
+        assert_eq!(recent.times().collect::<Vec<_>>(), [second(2), second(3)]);
     }
 
     #[test]

@@ -341,6 +341,44 @@ fn without_images_the_map_is_around_the_vehicle_and_stays_there_when_it_is_clear
 }
 
 #[test]
+fn where_poses_leap_or_their_clock_begins_again_the_cells_are_forgotten_and_the_models_stay() {
+    let moving = STACK.replace("pose = { source = \"POSE_FIXED\" }\n", "");
+    let mut bench = Setup::new(&moving, PROCESSES).bench();
+    let place = |bench: &mut Bench, time_ms: u64, x: f64| {
+        let pose = Some(rcs_sense::pose_message(&Pose::from_xy_yaw(x, 0.0, 0.0)));
+        let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+        let (time, message) = (Stamp(time_ms * 1_000_000), AnyMessage::new(odometry));
+        bench.session.write(ExternalEvent::sensed("/operator/odometry", time, message)).unwrap();
+        bench.advance(100);
+    };
+    bench.write("/operator/calibration", calibration());
+    bench.advance(20_000);
+    place(&mut bench, 20_000, 0.0);
+    give(&mut bench, 20_000);
+    let learned = models(&bench).models.len();
+    assert!(learned >= 2 && cost(&bench, 2.1, 0.5) == 0.0, "{learned}");
+    place(&mut bench, 20_200, 8.0);
+    assert_eq!((cost(&bench, 2.1, 0.5), models(&bench).models.len()), (255.0, learned));
+    let why = "the pose in the local frame leapt by 8.0 m; the cells are forgotten, the models stay";
+    assert_eq!(bench.faults("terrain"), (1, why.to_owned()));
+    give(&mut bench, 20_200);
+    assert_eq!(cost(&bench, 10.1, 0.5), 0.0);
+    let learned = models(&bench).models.len();
+    for time_ms in [1_000, 1_100, 1_200] {
+        place(&mut bench, time_ms, 8.0);
+    }
+    assert_eq!((cost(&bench, 10.1, 0.5), models(&bench).models.len()), (255.0, learned));
+    let why = "the clock of the poses has begun again; the cells are forgotten, the models stay";
+    assert_eq!(bench.faults("terrain"), (2, why.to_owned()));
+    // Of images by the new clock, the first ones may be late.
+    give(&mut bench, 1_200);
+    assert_eq!((cost(&bench, 10.1, 0.5), bench.faults("terrain").0), (255.0, 5));
+    give(&mut bench, 1_300);
+    let why = "left camera: the clock of the labels has begun again";
+    assert_eq!((cost(&bench, 10.1, 0.5), bench.faults("terrain")), (0.0, (8, why.to_owned())));
+}
+
+#[test]
 fn cameras_that_learn_together_from_now_on_begin_with_the_models_of_both() {
     let text = rcs_msg::to_json(&AnyMessage::new(models(&bench()))).unwrap();
     let mut bench = Setup::new(STACK, PROCESSES).bench();

@@ -15,7 +15,7 @@ use rcs_msg::rcs::{
     WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, InputRole, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::stop_reason;
+use rcs_sense::{ClockWatch, stop_reason};
 use serde::{Deserialize, Serialize};
 
 /// A vehicle slower than this stands, m/s.
@@ -43,6 +43,8 @@ pub struct VehicleInterface {
     commanded: Option<Stamp>,
     /// Yaw of the local estimate, and its time.
     yaw: Option<(f64, Stamp)>,
+    /// The clock of the local estimate.
+    local_clock: ClockWatch,
     sensed: Sensed,
     refused: u64,
     last_refusal: String,

@@ -167,7 +167,7 @@ impl Rectangle {
         if let Ok(field) = view.field_of(&format!("conf.{}", Source::MEMORY), NumericType::Uint8) {
             let (mut remembered, mut sensed) = (Vec::new(), Vec::new());
             field.bytes_into(&mut remembered);
-            fuse_grid(view, &by_shape(view), &mut sensed)?;
+            fuse_grid(view, &by_shape(), &mut sensed)?;
             for ((cost, confidence), sensed) in map.costs.iter_mut().zip(remembered).zip(sensed) {
                 let both = if sensed == UNKNOWN_COST { sensed } else { sensed.min(*cost) };
                 *cost = if confidence > 0 { both } else { *cost };
@@ -309,20 +309,21 @@ impl Rectangle {
     }
 }
 
-/// The sources with which a remembered map is compared: those of shape and touch. The others have no weight; what is not
-/// listed would count fully, and the remembered map would be compared with itself.
-pub fn by_shape(view: &GridView<'_>) -> Weights {
+/// The sources with which a remembered map is compared: those of shape and touch. Those of colour and texture, the infrared
+/// sensors and the remembered map itself have no weight. A source that is not listed is a range sensor of weight 1, as for
+/// the world model ([`Weights`]).
+pub fn by_shape() -> Weights {
     let weighted = |source, weight, kind| Weighted { source, weight, kind };
-    let listed = [
+    let without_weight = [Source::COLOR, Source::CLASSIFIER, Source::INFRARED, Source::MEMORY];
+    [
         weighted(Source::STEREO, 1.0, SourceKind::Range),
         weighted(Source::TERRAIN, 0.5, SourceKind::Learned),
         weighted(Source::BUMPER, 1.0, SourceKind::Override),
         weighted(Source::SLIP, 1.0, SourceKind::Override),
-    ];
-    let is_listed = |source: Source| listed.iter().any(|entry| entry.source == source);
-    let sources = view.sources();
-    let others = sources.iter().filter(|&source| !is_listed(source));
-    listed.into_iter().chain(others.map(|source| weighted(source, 0.0, SourceKind::Learned))).collect()
+    ]
+    .into_iter()
+    .chain(without_weight.map(|source| weighted(source, 0.0, SourceKind::Learned)))
+    .collect()
 }
 
 /// Whether a cost is that of an obstacle.

@@ -2,7 +2,9 @@
 //! port table is in the crate's documentation.
 
 mod output;
+mod track;
 
+use self::track::MOST_TRACK;
 use crate::memory::{Rectangle, by_shape, parse};
 use crate::proto::{MapMemory, MapMemoryParams};
 use crate::register::{Fit, FromParams, Placed, Remembered, Seen, at, moved_m, turned};
@@ -12,21 +14,13 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry};
 use rcs_msg::rcs::{Plan, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{GridFrame, Localizer, Origin, fingerprint_of_texts, pose_of};
+use rcs_sense::{FrameWatch, GridFrame, Localizer, Origin, fingerprint_of_texts};
 use rcs_world::{GridView, fuse_grid};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Distance between the points of the track, m, and their greatest number. A point farther away must be followed by one
-/// near it: a single wrong pose would make the map too large to be saved.
-const TRACK_STEP_M: f64 = 2.0;
-const MOST_TRACK: usize = 5000;
-const LEAP_M: f64 = 50.0;
 /// Support that a metre of motion from where the position estimate puts the remembered map must gain.
 const WORTH: f64 = 0.05;
-/// Length of the track along which what is sensed is compared, in points: so far the local frame is one frame, and a map
-/// that is turned differs at one of its ends.
-const COMPARED_TRACK: usize = 20;
 /// A registered map lies in a wrong place where another one has had this much more support for this many messages in
 /// turn: few things are in sight when it is registered first.
 const CLEARLY: f64 = 0.15;
@@ -51,16 +45,23 @@ pub struct MapMemoryKeeper {
     no_way: Option<Stamp>,
     /// Where the vehicle was, local frame, m.
     track: Vec<DVec2>,
-    /// The newest [`COMPARED_TRACK`] points of the track, also those that it has no room for.
+    /// The newest points of the track, also those that it has no room for.
     recent: VecDeque<DVec2>,
-    /// Where it was in the cycle before, if that is far from the track, m.
-    leapt: Option<DVec2>,
+    /// Follows the vehicle where it has not leapt to.
+    frame_watch: FrameWatch,
+    /// Follows it from where it leapt to in the cycle before.
+    leapt: Option<FrameWatch>,
     /// Where the remembered map lies; `None` while it is not believed.
     placed: Option<Placed>,
     /// Where it lay when it was believed last; `None` once it is dropped.
     settled: Option<Placed>,
     /// Where it fits, and for how many messages in turn, until it is believed.
     proposed: Option<(Placed, u32)>,
+    /// In how many messages that could be compared it has not fitted, until it is believed: from [`IN_TURN`] on it is
+    /// rejected.
+    misfits: u32,
+    /// Whether it has saved a map of this run.
+    has_saved: bool,
     /// Number of messages in turn in which another place had clearly more support.
     elsewhere: u32,
     /// When the costs were sent last, and where the frame of the remembered map then was in the local one.
@@ -184,7 +185,7 @@ impl Process for MapMemoryKeeper {
 
     /// What was stated to the world model is taken back or replaced.
     fn renew(&self, params: &MapMemoryParams) -> Self {
-        Self { sent: self.sent, ..Self::new(params) }
+        Self { sent: self.sent, has_saved: self.has_saved, ..Self::new(params) }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) {
@@ -200,10 +201,10 @@ impl Process for MapMemoryKeeper {
                 cx.fault(format!("transforms: {error}; skipped"));
             }
         }
-        let Some(vehicle) = position(ports, params, cx) else {
+        let Some(vehicle) = self.read_positions(ports, params, cx) else {
             return cx.exec("waits for the pose of the vehicle");
         };
-        self.take_position(vehicle);
+        self.extend_track(vehicle);
         let (global, local) = (&params.global_frame, &params.local_frame);
         let mut placed = self.frames.lookup(global, local, cx.now(), f64::INFINITY);
         // After `INIT` no frame is known, and the local one may be sent only once. Of several messages, only the newest can
@@ -287,7 +288,7 @@ impl MapMemoryKeeper {
         let used = fingerprint_of_texts(&[&params.memory, &params.world]);
         if self.used.replace(used).is_some_and(|before| before != used) {
             self.place(None);
-            (self.settled, self.proposed, self.elsewhere) = (None, None, 0);
+            (self.settled, self.proposed, self.misfits, self.elsewhere) = (None, None, 0, 0);
             (self.dropped, self.no_way) = (None, None);
             self.text.clear();
         }
@@ -299,7 +300,9 @@ impl MapMemoryKeeper {
         if placed.is_some() != self.placed.is_some() {
             (self.proposed, self.elsewhere) = (None, 0);
         }
-        self.settled = placed.or(self.settled);
+        if placed.is_some() {
+            (self.settled, self.misfits) = (placed, 0);
+        }
         self.placed = placed;
     }
 
@@ -310,28 +313,6 @@ impl MapMemoryKeeper {
         (self.kept, self.leapt, self.saved) = (Kept::default(), None, None);
         self.track.clear();
         self.recent.clear();
-    }
-
-    fn take_position(&mut self, vehicle: DVec2) {
-        let is_near = |place: &DVec2| place.distance(vehicle) <= LEAP_M;
-        let last = self.recent.back();
-        let follows = last.is_none_or(is_near) || self.leapt.as_ref().is_some_and(is_near);
-        let step_m = last.map_or(f64::INFINITY, |last| last.distance(vehicle));
-        self.leapt = (!follows).then_some(vehicle);
-        if follows && step_m >= TRACK_STEP_M {
-            if self.track.len() < MOST_TRACK {
-                self.track.push(vehicle);
-            }
-            if self.recent.len() >= COMPARED_TRACK {
-                self.recent.pop_front();
-            }
-            self.recent.push_back(vehicle);
-        }
-    }
-
-    /// Positions along which what is sensed is compared, to that of the vehicle, local frame, m.
-    fn compared(&self, vehicle: DVec2) -> Vec<DVec2> {
-        self.recent.iter().copied().chain([vehicle]).collect()
     }
 
     /// Drops a remembered map with which there is no way to the goal: there was one to remember.
@@ -370,6 +351,9 @@ impl MapMemoryKeeper {
         let needed = params.least_agreement * if self.placed.is_some() { DOUBT } else { 1.0 };
         let fitting = found.filter(|found| found.fit.agreement >= needed);
         let in_turn = self.in_turn(fitting, now.vehicle);
+        if fitting.is_none() && placed.is_some() {
+            self.misfits = self.misfits.saturating_add(1);
+        }
         self.text = match found {
             Some(placed) if fitting.is_some() && in_turn < IN_TURN => {
                 let share = 100.0 * placed.fit.agreement;
@@ -420,7 +404,7 @@ impl MapMemoryKeeper {
     ) -> Result<Found, String> {
         let (vehicle, view) = (now.vehicle, now.map);
         let mut costs = Vec::new();
-        fuse_grid(view, &by_shape(view), &mut costs).map_err(|error| error.to_string())?;
+        fuse_grid(view, &by_shape(), &mut costs).map_err(|error| error.to_string())?;
         let mut sensed = Rectangle::with(view, costs);
         sensed.forget_far(view, params.near_m);
         // A map that did not fit any more is turned as it was when it did.
@@ -487,30 +471,7 @@ fn waits(compared: usize, least: u32, away_m: f64) -> String {
         );
     }
     let away = if away_m < 1000.0 { format!("{away_m:.0} m") } else { format!("{:.1} km", away_m / 1000.0) };
-    format!("the remembered map begins {away} from here: drives without it")
-}
-
-/// Position of the vehicle in the local frame, m. A message that does not give it is a fault.
-fn position(ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) -> Option<DVec2> {
-    let is_new = cx.read_newest(&ports.odometry).is_some();
-    let odometry = cx.latest(&ports.odometry)?;
-    match position_of(&odometry, &params.local_frame) {
-        Ok(position) => Some(position),
-        Err(error) => {
-            if is_new {
-                cx.fault(format!("odometry: {error}; skipped"));
-            }
-            None
-        }
-    }
-}
-
-fn position_of(odometry: &Odometry, local: &str) -> Result<DVec2, String> {
-    if odometry.frame_id != local {
-        return Err(format!("frame is {:?}, expected {local:?}", odometry.frame_id));
-    }
-    let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
-    Ok(pose.translation.truncate())
+    format!("the remembered map begins {away} from here: drives without it, and saves it as it was")
 }
 
 /// A map in the local frame.
@@ -541,35 +502,5 @@ mod tests {
         for times in 1..=IN_TURN {
             assert_eq!(keeper.in_turn(Some(placed), DVec2::ZERO), times);
         }
-    }
-
-    #[test]
-    fn the_status_says_that_new_ground_is_not_saved_once_the_track_is_full() {
-        let mut keeper = MapMemoryKeeper::default();
-        for step in 0..MOST_TRACK {
-            assert_eq!(keeper.told(), "nothing is remembered; saves the map");
-            keeper.take_position(DVec2::new(TRACK_STEP_M * step as f64, 0.0));
-        }
-        let full = "; new ground is not saved: the track has 5000 points, the most that it can have";
-        assert_eq!(keeper.told(), format!("nothing is remembered{full}"));
-        keeper.text = "remembers".to_owned();
-        assert_eq!(keeper.told(), format!("remembers{full}"));
-        keeper.unsaved = Some("too large".to_owned());
-        assert_eq!(keeper.told(), "remembers; the map is not saved: too large");
-    }
-
-    #[test]
-    fn what_is_compared_lies_within_42_m_of_the_vehicle_also_once_the_track_is_full() {
-        let mut keeper = MapMemoryKeeper::default();
-        for step in 0..MOST_TRACK + 50 {
-            let vehicle = DVec2::new(TRACK_STEP_M * step as f64, 0.0);
-            keeper.take_position(vehicle);
-            let compared = keeper.compared(vehicle);
-            assert_eq!(compared.len(), (step + 1).min(COMPARED_TRACK) + 1);
-            assert!(compared.iter().all(|place| place.distance(vehicle) <= 42.0), "{vehicle}: {compared:?}");
-        }
-        assert_eq!(keeper.track.len(), MOST_TRACK);
-        keeper.clear(Stamp(0));
-        assert_eq!(keeper.compared(DVec2::ZERO), [DVec2::ZERO]);
     }
 }

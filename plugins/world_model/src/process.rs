@@ -9,7 +9,9 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{CLOCK_BEGINS_AGAIN_S, Extrinsics, Localizer, PosePorts, pose_message};
+use rcs_sense::{
+    CLOCK_BEGINS_AGAIN_S, ClockWatch, Extrinsics, FrameWatch, Localizer, PosePorts, pose_message,
+};
 use rcs_world::{GridViewError, Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -32,15 +34,8 @@ pub struct WorldModel {
     /// Acquisition time of the newest data that changed the map, by a clock that may have begun again.
     changed: Stamp,
     scrolled: u64,
-    /// Where the vehicle was at the last cycle with a pose: time, and position in the local frame, m.
-    was_at: Option<(Stamp, [f64; 2])>,
+    frame_watch: FrameWatch,
 }
-
-/// A vehicle that is farther from where it was than this and what it drives at [`FASTEST_MPS`] has not driven there: its
-/// local frame has begun again, m.
-const LEAP_M: f64 = 5.0;
-/// Faster than vehicles drive off roads, m/s.
-const FASTEST_MPS: f64 = 10.0;
 
 /// What a source has contributed since the start.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -49,6 +44,7 @@ struct Contribution {
     votes: u64,
     /// Acquisition time of its newest data.
     newest: Stamp,
+    clock: ClockWatch,
     /// The part of its fading that is less than one step of confidence.
     fading: f64,
 }
@@ -146,7 +142,7 @@ impl Process for WorldModel {
             faded: None,
             changed: Stamp(0),
             scrolled: 0,
-            was_at: None,
+            frame_watch: FrameWatch::default(),
         }
     }
 
@@ -156,7 +152,7 @@ impl Process for WorldModel {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WorldModelParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
+        let has_clock_begun_again = ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 WorldModelCommand::Clear => self.forget(),
@@ -169,20 +165,20 @@ impl Process for WorldModel {
             local.clone_into(&mut self.local_frame);
             self.seen = Sources::default();
         }
-        let vehicle = self.scroll(params, cx);
+        let vehicle = self.scroll(has_clock_begun_again, params, cx);
         self.take_weights(ports, cx);
         let listed = Listed::of(params).with_learned(&self.learned);
         self.forget_unlisted(&listed);
         for (source, port) in &ports.named {
             while let Some(grid) = cx.read(port) {
-                if let Err(fault) = self.vote(&[*source], &grid, &listed, params) {
+                if let Err(fault) = self.vote(&[*source], &grid, &listed, params, cx) {
                     cx.fault(format!("{source}: {fault}; cost map skipped"));
                 }
             }
         }
         while let Some(grid) = cx.read(&ports.costs) {
-            let voted =
-                sources_of(&grid, &listed).and_then(|sources| self.vote(&sources, &grid, &listed, params));
+            let voted = sources_of(&grid, &listed)
+                .and_then(|sources| self.vote(&sources, &grid, &listed, params, cx));
             if let Err(fault) = voted {
                 cx.fault(format!("costs: {fault}; cost map skipped"));
             }
@@ -215,20 +211,24 @@ impl WorldModel {
 
     /// Centres the map on the vehicle; without a pose it stays in place. Where the local frame has begun again, what was
     /// known is elsewhere now, and is forgotten.
-    fn scroll(&mut self, params: &WorldModelParams, cx: &mut Cycle<'_>) -> Option<Pose> {
+    fn scroll(
+        &mut self,
+        has_clock_begun_again: bool,
+        params: &WorldModelParams,
+        cx: &mut Cycle<'_>,
+    ) -> Option<Pose> {
+        let extrinsics = extrinsics(params);
         // An unknown pose is not a fault here: there is none before the first message.
-        let pose = extrinsics(params).local_from_vehicle(&self.localizer, cx.now()).ok()?;
-        let at = pose.translation.truncate();
-        if let Some((then, was_at)) = self.was_at.replace((cx.now(), at.to_array())) {
-            let leap_m = at.distance(was_at.into());
-            if leap_m > LEAP_M + FASTEST_MPS * cx.now().seconds_since(then).abs() {
-                self.forget();
-                cx.fault(format!("the pose in the local frame leapt by {leap_m:.1} m; the map is cleared"));
-            }
+        let pose = extrinsics.local_from_vehicle(&self.localizer, cx.now()).ok();
+        let at = pose.map(|pose| pose.translation.truncate());
+        let has_clock_begun_again = has_clock_begun_again && !extrinsics.fixed_pose;
+        if let Some(why) = self.frame_watch.begins_again(has_clock_begun_again, at, cx.now()) {
+            self.forget();
+            cx.fault(format!("{why}; the map is cleared"));
         }
-        let exposed = self.map.recentre(at)?;
+        let exposed = self.map.recentre(at?)?;
         self.scrolled += exposed.len() as u64;
-        Some(pose)
+        pose
     }
 
     fn take_weights(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
@@ -262,13 +262,15 @@ impl WorldModel {
         grid: &Msg<Grid>,
         listed: &Listed,
         params: &WorldModelParams,
+        cx: &mut Cycle<'_>,
     ) -> Result<(), String> {
+        let time = grid.acq_time_on_arrival();
         let origin = |&source: &Source| {
             Some(VoteOrigin {
                 source,
                 kind: listed.weights.get(source).kind,
                 sequence: grid.header().sequence as u32,
-                time: grid.acq_time_on_arrival(),
+                time,
                 rule: listed.rule(source)?,
                 least_backing: listed.least_backing(source),
                 height_tolerance_m: params.height_tolerance_m as f32,
@@ -281,6 +283,7 @@ impl WorldModel {
         if grid.frame_id != local {
             return Err(format!("frame is {:?}, expected {local:?}", grid.frame_id));
         }
+        let begun_again = self.begun_again(sources, time)?;
         // Of several sources, a later one may be refused.
         let mut copy = (params.clear_each_frame || origins.len() > 1).then(|| self.map.clone());
         let map = copy.as_mut().unwrap_or(&mut self.map);
@@ -291,25 +294,44 @@ impl WorldModel {
         if let Some(map) = copy {
             self.map = map;
         }
-        let mut newest = self.changed.max(grid.acq_time_on_arrival());
+        self.changed = self.changed.max(time);
         for (origin, votes) in std::iter::zip(&origins, votes) {
             self.seen.insert(origin.source);
             let contribution = self.contribution(origin.source);
             contribution.votes += votes;
-            if contribution.newest.seconds_since(origin.time) > CLOCK_BEGINS_AGAIN_S {
-                (contribution.newest, newest) = (origin.time, origin.time);
-            } else {
-                contribution.newest = contribution.newest.max(origin.time);
+            contribution.newest = contribution.newest.max(time);
+        }
+        for source in begun_again {
+            self.contribution(source).newest = time;
+            self.changed = time;
+            self.map.limit_updated(source, time);
+            cx.fault(format!("{source}: its clock has begun again; the map stays"));
+        }
+        Ok(())
+    }
+
+    /// The sources of a cost map whose clock has begun again with it ([`ClockWatch`]). An error if it may be late instead.
+    fn begun_again(&mut self, sources: &[Source], time: Stamp) -> Result<Vec<Source>, String> {
+        let (mut begun_again, mut late_s) = (Vec::new(), None);
+        for contribution in self.contributions.iter_mut().filter(|entry| sources.contains(&entry.source)) {
+            let behind_s = contribution.newest.seconds_since(time);
+            if contribution.clock.begins_again(Some(contribution.newest), time) {
+                begun_again.push(contribution.source);
+            } else if behind_s > CLOCK_BEGINS_AGAIN_S {
+                late_s = Some(behind_s);
             }
         }
-        self.changed = newest;
-        Ok(())
+        match late_s {
+            Some(late_s) => Err(format!("it is {late_s:.1} s older than the one before")),
+            None => Ok(begun_again),
+        }
     }
 
     fn contribution(&mut self, source: Source) -> &mut Contribution {
         let place = self.contributions.iter().position(|entry| entry.source == source);
         let place = place.unwrap_or_else(|| {
-            self.contributions.push(Contribution { source, votes: 0, newest: Stamp(0), fading: 0.0 });
+            let clock = ClockWatch::default();
+            self.contributions.push(Contribution { source, votes: 0, newest: Stamp(0), clock, fading: 0.0 });
             self.contributions.len() - 1
         });
         &mut self.contributions[place]

@@ -105,7 +105,7 @@ pub(crate) fn check_sources(params: &WorldModelParams) -> Result<(), String> {
 mod tests {
     use super::*;
     use rcs_msg::AnyMessage;
-    use rcs_world::{Fused, weight_field, weights_of};
+    use rcs_world::{Fused, weight_field, weights_beside, weights_of};
 
     #[test]
     fn a_learned_weight_counts_with_the_weight_of_the_parameters_from_which_it_was_learned() {
@@ -119,6 +119,18 @@ mod tests {
         assert_eq!(learned(Source::COLOR, 0.2, 0.5), given.clone().with(Source::COLOR, 0.2));
         assert_eq!(learned(Source::COLOR, 0.2, 0.4), given, "the parameters have changed");
         assert_eq!(learned(Source::TERRAIN, 0.2, 1.0), given, "not listed");
+    }
+
+    #[test]
+    fn a_window_finds_the_weights_with_which_a_map_was_fused_beside_those_of_the_parameters() {
+        let entry =
+            |name: &str| WorldModelSource { name: name.to_owned(), weight: 0.5, ..Default::default() };
+        let params =
+            WorldModelParams { sources: vec![entry("stereo"), entry("color")], ..Default::default() };
+        let fused = Listed::of(&params).with_learned(&[(Source::COLOR, 0.25, 0.5)]).weights;
+        let message = AnyMessage::new(params.clone());
+        assert_eq!(weights_beside(&message, &fused), [("sources[1].weight".to_owned(), 0.25_f32)]);
+        assert!(weights_beside(&message, &Listed::of(&params).weights).is_empty());
     }
 
     /// A window fuses a map again with weights that it reads from the parameters: they must be those of the process.

@@ -111,8 +111,12 @@ fn a_map_has_the_time_of_its_newest_data_also_after_the_clock_of_a_source_has_be
     assert_eq!(time_with("/operator/stereo", "stereo", 11_500), 11_500);
     assert_eq!(time_with("/operator/stereo", "stereo", 11_000), 11_500, "it is late");
     assert_eq!(time_with("/operator/costs", "radar", 1_000), 11_500, "the clock of another source is behind");
-    assert_eq!(time_with("/operator/stereo", "stereo", 1_200), 1_200);
+    assert_eq!(time_with("/operator/stereo", "stereo", 1_200), 11_500, "it may be late");
     assert_eq!(time_with("/operator/stereo", "stereo", 1_400), 1_400);
+    let said = ["cost.stereo", "updated_s"].map(|field| number(&bench, field));
+    assert_eq!(said, [Some(250.0), Some(1.0)], "the map stays, and is not newer than its newest data");
+    let why = "stereo: its clock has begun again; the map stays";
+    assert_eq!(bench.faults("wm1"), (2, why.to_owned()));
     let stats = bench.latest::<WorldModelStats>("/wm1/stats");
     assert!((10.0..13.0).contains(&stats.source[0].age_s), "{}", stats.source[0].age_s);
 }
@@ -234,19 +238,47 @@ fn a_map_that_is_emptied_is_sent_also_without_a_pose() {
     assert_eq!(bench.latest::<Grid>("/wm1/map").frame_id, "map");
 }
 
+/// A bench whose vehicle is where odometry says.
+fn placed() -> Bench {
+    let stack = STACK.replace("inputs = {", "inputs = { odometry = \"/operator/odometry\",");
+    Setup::new(&stack, &[ProcessType::of::<WorldModel>()]).bench()
+}
+
+/// Says that the vehicle was this far east at a time, m.
+fn place_at(bench: &mut Bench, time_ms: u64, x_m: f64) {
+    let pose = Some(rcs_msg::foxglove::Pose {
+        position: Some(rcs_msg::foxglove::Vector3 { x: x_m, ..Default::default() }),
+        orientation: Some(rcs_msg::foxglove::Quaternion { w: 1.0, ..Default::default() }),
+    });
+    let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+    write_at(bench, "/operator/odometry", time_ms, odometry);
+    bench.cycles(50, 4);
+}
+
+#[test]
+fn poses_whose_clock_begins_again_clear_the_map() {
+    let mut bench = placed();
+    bench.cycles(50, 240);
+    place_at(&mut bench, 12_000, 0.0);
+    bench.write("/operator/stereo", cost_map(&[("stereo", 250)]));
+    // Of the new clock, the first two count as late.
+    for (time_ms, cost) in [(12_200, 250.0), (1_000, 250.0), (1_200, 250.0), (1_400, 255.0)] {
+        place_at(&mut bench, time_ms, 0.0);
+        assert_eq!(number(&bench, "cost"), Some(cost), "{time_ms}");
+    }
+    let why = "the clock of the poses has begun again; the map is cleared";
+    assert_eq!(bench.faults("wm1"), (1, why.to_owned()));
+    bench.write("/operator/stereo", cost_map(&[("stereo", 250)]));
+    place_at(&mut bench, 1_600, 0.0);
+    assert_eq!(number(&bench, "cost"), Some(250.0), "it goes on");
+}
+
 #[test]
 fn a_local_frame_that_begins_again_clears_the_map() {
-    let stack = STACK.replace("inputs = {", "inputs = { odometry = \"/operator/odometry\",");
-    let mut bench = Setup::new(&stack, &[ProcessType::of::<WorldModel>()]).bench();
+    let mut bench = placed();
     let place = |bench: &mut Bench, x_m: f64| {
-        let pose = Some(rcs_msg::foxglove::Pose {
-            position: Some(rcs_msg::foxglove::Vector3 { x: x_m, ..Default::default() }),
-            orientation: Some(rcs_msg::foxglove::Quaternion { w: 1.0, ..Default::default() }),
-        });
         let time_ms = bench.now_ms;
-        let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
-        write_at(bench, "/operator/odometry", time_ms, odometry);
-        bench.cycles(50, 4);
+        place_at(bench, time_ms, x_m);
     };
     place(&mut bench, 0.0);
     bench.write("/operator/stereo", cost_map(&[("stereo", 250)]));

@@ -115,6 +115,13 @@ fn look(bench: &mut Bench, vehicle: DVec2, within_m: f64, truth: impl Fn(DVec2) 
     }
 }
 
+/// Drives from place to place, m, in steps, and senses hardly anything on the way.
+fn go(bench: &mut Bench, from: DVec2, to: DVec2) {
+    for step in 1..10 {
+        look(bench, from.lerp(to, f64::from(step) / 10.0), 0.2, |_| 0, 4);
+    }
+}
+
 fn text(bench: &Bench) -> String {
     bench.latest::<rcs::Status>("/memory/status").state_text
 }
@@ -244,6 +251,42 @@ fn a_remembered_map_is_registered_before_it_is_believed_and_what_is_sensed_outvo
 }
 
 #[test]
+fn until_the_remembered_map_is_believed_or_rejected_it_is_saved_as_it_was() {
+    let first = first_run();
+    let remembered = parse(&first).unwrap().unwrap();
+    let saved = |bench: &Bench| bench.latest::<MapMemory>("/memory/memory");
+    let mut bench = start(&first);
+    look(&mut bench, DVec2::new(-30.0, 0.0), 4.0, |_| 0, 20);
+    assert!(text(&bench).starts_with("waits: 0 obstacle cells can be compared"), "{}", text(&bench));
+    assert_eq!(saved(&bench), remembered);
+    // Once it is believed, what this run has seen before is added.
+    let here = DVec2::new(4.0, -1.5);
+    go(&mut bench, DVec2::new(-30.0, 0.0), here);
+    assert_eq!(bench.faults("memory"), (0, String::new()));
+    look(&mut bench, here, 2.5, ground_truth, 60);
+    assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+    assert!(saved(&bench).columns > remembered.columns + 50, "{} columns", saved(&bench).columns);
+    // A map that does not fit gives way to that of this run.
+    let mut bench = start(&first);
+    let posts = |at: DVec2| if (at / 1.6).floor().element_sum() as i64 % 2 == 0 { 250 } else { 0 };
+    look(&mut bench, DVec2::ZERO, 8.0, posts, 60);
+    assert!(text(&bench).starts_with("the remembered map does not fit: "), "{}", text(&bench));
+    let of_this_run = saved(&bench);
+    assert_ne!(of_this_run, remembered);
+    // It stays rejected where there is nothing to compare.
+    let away = DVec2::new(-40.0, 0.0);
+    go(&mut bench, DVec2::ZERO, away);
+    look(&mut bench, away, 4.0, |_| 0, 40);
+    assert!(saved(&bench).columns > of_this_run.columns, "{} columns", saved(&bench).columns);
+    // One that is cleared does not come back.
+    let mut bench = start(&first);
+    look(&mut bench, DVec2::new(-30.0, 0.0), 4.0, |_| 0, 20);
+    say(&mut bench, "memory", &MapMemoryCommand::Clear);
+    look(&mut bench, DVec2::new(-30.0, 0.0), 4.0, |_| 0, 20);
+    assert!(saved(&bench).columns < remembered.columns, "{} columns", saved(&bench).columns);
+}
+
+#[test]
 fn a_registered_map_stays_in_the_local_frame_while_the_position_estimate_changes() {
     let mut bench = start(&first_run());
     look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
@@ -251,8 +294,9 @@ fn a_registered_map_stays_in_the_local_frame_while_the_position_estimate_changes
     // Fixes move the estimate by 2 m east, where there is nothing to compare.
     let now = Stamp(bench.now_ms * 1_000_000 + 1);
     locate(&mut bench, now, DVec2::new(4.0, 3.0));
+    // Less than 10 m/s: it drives, and the local frame does not begin again.
     for x_m in [-5.0, -10.0, -15.0] {
-        look(&mut bench, DVec2::new(x_m, 0.0), 0.2, ground_truth, 1);
+        look(&mut bench, DVec2::new(x_m, 0.0), 0.2, ground_truth, 8);
     }
     look(&mut bench, DVec2::new(-20.0, 0.0), 4.0, |_| 0, 20);
     assert_eq!(registered(&bench), Some(before));
@@ -337,10 +381,11 @@ fn a_map_that_begins_far_away_is_waited_for_and_the_status_says_how_far() {
     let (first, here) = (first_run(), DVec2::new(4.0, -1.5));
     let mut bench = start(&changed(&first, |map| map.easting_m += 190_000.0));
     look(&mut bench, here, 2.5, ground_truth, 20);
-    assert_eq!(text(&bench), "the remembered map begins 190.0 km from here: drives without it");
+    let saves = "drives without it, and saves it as it was";
+    assert_eq!(text(&bench), format!("the remembered map begins 190.0 km from here: {saves}"));
     give(&mut bench, &changed(&first, |map| map.easting_m += 300.0));
     look(&mut bench, here, 2.5, ground_truth, 20);
-    assert_eq!(text(&bench), "the remembered map begins 288 m from here: drives without it");
+    assert_eq!(text(&bench), format!("the remembered map begins 288 m from here: {saves}"));
     // The position estimate comes to it.
     let now = Stamp(bench.now_ms * 1_000_000 + 1);
     locate(&mut bench, now, DVec2::new(302.0, 3.0));
@@ -421,6 +466,8 @@ fn a_map_that_the_next_run_would_refuse_is_reported_and_saved_once_it_can_be() {
 fn a_map_that_is_too_large_to_save_is_reported_and_saved_once_it_can_be() {
     let mut bench = start_with(STACK, &[("memory.save_every_s", "3600")]);
     look(&mut bench, DVec2::ZERO, 4.0, |_| 0, 20);
+    // It has time to drive there.
+    bench.cycles(50, 3000);
     let far = DVec2::splat(1000.0);
     look(&mut bench, far, 4.0, |_| 0, 20);
     assert_eq!(bench.sent("/memory/memory"), 1);
@@ -448,6 +495,21 @@ fn one_pose_far_away_does_not_keep_the_map_from_being_saved() {
     look(&mut bench, DVec2::X, 4.0, |_| 0, 20);
     assert_eq!(text(&bench), "nothing is remembered; saves the map");
     assert_eq!(bench.sent("/memory/memory"), 2);
+}
+
+#[test]
+fn what_was_seen_before_the_local_frame_began_again_is_neither_saved_nor_where_the_map_is_remembered() {
+    let mut bench = start(&first_run());
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
+    assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+    let before: MapMemory = bench.latest("/memory/memory");
+    look(&mut bench, DVec2::new(60.0, 0.0), 0.5, |_| 0, 20);
+    let (count, last) = bench.faults("memory");
+    let expected = "the pose in the local frame leapt by 60.0 m; what was seen before is not saved";
+    assert_eq!((count, last.as_str()), (1, expected));
+    assert_eq!(registered(&bench), None);
+    // Where this run's map lies is not known now, so that nothing replaces it.
+    assert_eq!(bench.latest::<MapMemory>("/memory/memory"), before);
 }
 
 #[test]

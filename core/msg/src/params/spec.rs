@@ -246,7 +246,7 @@ impl ParamSpec {
     }
 
     /// The accepted values in words.
-    pub(super) fn expected(&self) -> String {
+    pub fn expected(&self) -> String {
         let names = |fields: &[Self]| {
             let names: Vec<_> = fields.iter().map(|field| field.name.as_str()).collect();
             names.join(", ")

@@ -2,6 +2,7 @@
 //! of slip, and the global position from fixes.
 
 use super::Localization;
+use super::clocks::{ENCODERS, INERTIAL};
 use crate::attitude::{Attitude, AttitudeSettings};
 use crate::compass::{compass_rad, start_heading};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
@@ -45,10 +46,11 @@ impl Localization {
                 "turn rates {gyro} rad/s and accelerations {force} m/s², expected at most {FASTEST_RADPS} and {HARDEST_MPS2}"
             ));
         }
-        if self.repeats[0].take(imu.timestamp.as_ref().and_then(Stamp::from_proto)) {
+        if self.repeats[INERTIAL].take(imu.timestamp.as_ref().and_then(Stamp::from_proto)) {
             return Err(REPEATED.to_owned());
         }
         let time = imu.acq_time_on_arrival();
+        self.take_time(INERTIAL, time, cx);
         let slips = self.slipping_mps(time).is_some();
         let has_compass = params.compass_time_s > 0.0;
         let is_asked = has_compass || self.felt.is_none() || self.awaits_compass;
@@ -156,12 +158,14 @@ impl Localization {
         &mut self,
         encoders: &Msg<WheelEncoders>,
         params: &LocalizationParams,
+        cx: &mut Cycle<'_>,
     ) -> Result<Option<Slipped>, String> {
         let distance_m = [encoders.left_m, encoders.right_m];
-        if self.repeats[1].take(encoders.timestamp.as_ref().and_then(Stamp::from_proto)) {
+        if self.repeats[ENCODERS].take(encoders.timestamp.as_ref().and_then(Stamp::from_proto)) {
             return Err(REPEATED.to_owned());
         }
         let time = encoders.acq_time_on_arrival();
+        self.take_time(ENCODERS, time, cx);
         let Some(wheels) = &mut self.wheels else {
             if !distance_m.iter().all(|distance| distance.is_finite()) {
                 return Err(format!("distances are {distance_m:?} m, expected finite ones"));

@@ -138,6 +138,9 @@ impl WaypointGenerator {
         params: &WaypointGeneratorParams,
         global_from_route: &Pose,
     ) -> Result<Vec<Barred>, String> {
+        if self.forgotten.is_some() {
+            return Ok(Vec::new());
+        }
         let Ok(origin) = self.given.origin(params) else { return Ok(Vec::new()) };
         let Some(before) = self.given.slips(params) else { return Ok(Vec::new()) };
         let mut places = slips::in_global(before, &origin.0).map_err(|error| error.to_string())?;
@@ -158,19 +161,15 @@ impl WaypointGenerator {
         cx: &mut Cycle<'_>,
     ) {
         let now = cx.now();
-        if self.slips_sent.is_some_and(|sent| now.seconds_since(sent) < SLIPS_PERIOD_S) {
+        let is_recent = self.slips_sent.is_some_and(|sent| now.seconds_since(sent) < SLIPS_PERIOD_S);
+        if is_recent && self.asked.is_none() {
             return;
         }
         let Ok(origin) = self.given.origin(params) else { return };
         let before = self.slips_before(params, global_from_route);
-        let refused = before.as_ref().err().map(|why| format!("slips: {why}; not used"));
-        if let Some(why) = refused.as_ref().filter(|why| self.refused_slips.as_ref() != Some(why)) {
-            cx.fault(why.clone());
-        }
-        self.refused_slips = refused;
-        let mut places = before.unwrap_or_default();
+        let mut places = self.refused_slips.or_none("slips", before, cx);
         places.extend(self.barred.iter().filter(|place| place.slipped));
-        if !places.is_empty() || self.slips_sent.is_some() {
+        if self.asked.take().is_some() || !places.is_empty() || self.slips_sent.is_some() {
             self.slips_sent = Some(now);
             cx.write(&ports.slips, now, slips::to_message(&places, &origin.0));
         }

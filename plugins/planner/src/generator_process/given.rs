@@ -1,11 +1,35 @@
-//! What the parameters of the waypoint generator give as texts: the route, the world's origin and the goal.
+//! What the parameters of the waypoint generator give as texts: the route, the world's origin and the goal, and why what
+//! they give is not used.
 
 use super::goals::zones_of_files;
 use crate::goal::Goal;
 use crate::proto::{Route, SlipMemory, WaypointGeneratorParams};
 use crate::zones::Zones;
 use crate::{route, slips};
+use rcs_runtime::Cycle;
 use rcs_sense::{Origin, fingerprint_of_texts};
+use serde::{Deserialize, Serialize};
+
+/// Why something that is given was not used when it was read last; a reason is reported when it changes.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Refused(Option<String>);
+
+impl Refused {
+    /// What was read, or nothing where it is refused; then another reason than before is a fault.
+    pub(super) fn or_none<T: Default>(
+        &mut self,
+        what: &str,
+        read: Result<T, String>,
+        cx: &mut Cycle<'_>,
+    ) -> T {
+        let why = read.as_ref().err();
+        if let Some(why) = why.filter(|why| self.0.as_ref() != Some(why)) {
+            cx.fault(format!("{what}: {why}; not used"));
+        }
+        self.0 = why.cloned();
+        read.unwrap_or_default()
+    }
+}
 
 /// What the texts of the parameters say: each is read once.
 #[derive(Clone, Debug, Default)]

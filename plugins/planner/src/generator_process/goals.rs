@@ -5,7 +5,7 @@ use super::{Ports, WaypointGenerator};
 use crate::goal::Goal;
 use crate::goal_search::{GoalSearch, Scene};
 use crate::mission::Mission;
-use crate::proto::WaypointGeneratorParams;
+use crate::proto::{UtmGoal, WaypointGeneratorParams};
 use crate::route;
 use crate::zones::Zones;
 use rcs_geom::{DVec2, Pose};
@@ -59,6 +59,15 @@ impl WaypointGenerator {
             self.send_driven(ports, params, cx);
         }
         arrived
+    }
+
+    /// Drives to a goal of the operator's from this cycle on, and to none of the mission's.
+    pub(super) fn go_to(&mut self, goal: &UtmGoal) {
+        self.commanded = Some((goal.zone as u8, goal.easting_m, goal.northing_m));
+        self.mission.goals = None;
+        self.search = None;
+        self.told = None;
+        self.forbidden = None;
     }
 
     /// The planners are told the mission in this cycle. Another goal ends a hold after a jump of the local frame; zones alone
@@ -156,7 +165,7 @@ impl WaypointGenerator {
         let (local_from_route, (global_from_local, _)) = local_from_route.zip(self.global_from_local)?;
         let origin = self.given.origin(params).ok()?;
         let points =
-            route::in_global(self.given.route(params)?, &origin.0, goal, params.route_goal_m).ok()?;
+            route::in_global(self.route_before(params)?, &origin.0, goal, params.route_goal_m).ok()?;
         let finish = global_from_local * (*local_from_route * route::finish(&points)?.extend(0.0));
         let finish = finish.truncate();
         let place = goal.lerp(finish, FOUND_SHARE);

@@ -1,8 +1,9 @@
 //! What the waypoint generator reads each cycle: the frames, its position, and the path of the planner of the far map.
 
 use super::{Ports, WaypointGenerator};
+use crate::grip::Gripped;
 use crate::proto::WaypointGeneratorParams;
-use crate::shortcut::WayPoint;
+use crate::shortcut::{LONGEST_STEP_M, WayPoint};
 use rcs_geom::DVec2;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Odometry, PosesInFrame};
@@ -61,15 +62,24 @@ impl WaypointGenerator {
         params: &WaypointGeneratorParams,
         cx: &mut Cycle<'_>,
     ) {
-        if let Some(odometry) = cx.read_newest(&ports.global)
-            && let Err(why) = self.take_position(&odometry, &params.global_frame, cx.now())
-        {
-            cx.fault(format!("global: {why}; skipped"));
+        let Some(odometry) = cx.read_newest(&ports.global) else { return };
+        match self.take_position(&odometry, &params.global_frame, cx.now()) {
+            Ok(None) => {}
+            Ok(Some(leap_m)) => cx.fault(format!(
+                "the position in the local frame leapt by {leap_m:.1} m; the far path is forgotten, and the way before is not cut"
+            )),
+            Err(why) => cx.fault(format!("global: {why}; skipped")),
         }
     }
 
-    /// Adds a position in the global frame to the track.
-    fn take_position(&mut self, odometry: &Odometry, global_frame: &str, now: Stamp) -> Result<(), String> {
+    /// Adds a position in the global frame to the track. Returns by how much the vehicle has leapt in the local frame, m, if
+    /// that has begun again.
+    fn take_position(
+        &mut self,
+        odometry: &Odometry,
+        global_frame: &str,
+        now: Stamp,
+    ) -> Result<Option<f64>, String> {
         if odometry.frame_id != global_frame {
             return Err(format!("frame is {:?}, expected {global_frame:?}", odometry.frame_id));
         }
@@ -78,19 +88,32 @@ impl WaypointGenerator {
         let at = pose.translation.truncate();
         self.yaw_rad = pose.yaw();
         self.position = Some((at.x, at.y));
-        let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
-        if step_m >= TRACK_STEP_M {
+        let local_from_global =
+            self.global_from_local.map(|(global_from_local, _)| global_from_local.inverse());
+        let local =
+            local_from_global.map(|local_from_global| (local_from_global * at.extend(0.0)).truncate());
+        let leap_m = local.and_then(|local| self.frame_watch.leap_m(local, now));
+        if leap_m.is_some() {
+            self.way.leave_frame();
+            self.far_path.clear();
+            self.gripped = Gripped::default();
+        }
+        let from_last_m = |track: &[(f64, f64)]| track.last().map(|&last| at.distance(DVec2::from(last)));
+        if self.way.is_closed() && from_last_m(&self.track).is_some_and(|away_m| away_m > LONGEST_STEP_M) {
+            // It did not drive here: another way begins.
+            (self.track, self.way, self.began) = Default::default();
+        }
+        if from_last_m(&self.track).is_none_or(|step_m| step_m >= TRACK_STEP_M) {
             if self.track.len() >= MOST_TRACK {
                 self.track.remove(0);
             }
             self.began.get_or_insert(now);
             self.track.push((at.x, at.y));
-            if let Some((global_from_local, _)) = self.global_from_local {
-                let local = (global_from_local.inverse() * at.extend(0.0)).truncate();
+            if let Some(local) = local {
                 self.way.add(WayPoint { local, global: at });
             }
         }
-        Ok(())
+        Ok(leap_m)
     }
 
     /// Reads the path of the planner of the far map.
@@ -147,6 +170,7 @@ pub(super) fn points(path: &PosesInFrame, local_frame: &str) -> Result<Vec<DVec2
 mod tests {
     use super::*;
     use rcs_geom::Pose;
+    use rcs_runtime::Process as _;
     use rcs_sense::pose_message;
 
     #[test]
@@ -162,5 +186,48 @@ mod tests {
         let elsewhere = Odometry { frame_id: "local".to_owned(), ..Odometry::default() };
         let refused = generator.take_position(&elsewhere, "global", Stamp(0));
         assert_eq!(refused, Err("frame is \"local\", expected \"global\"".to_owned()));
+    }
+
+    #[test]
+    fn where_the_local_frame_begins_again_the_far_path_is_forgotten_and_the_way_is_left() {
+        let mut generator = WaypointGenerator {
+            global_from_local: Some((Pose::IDENTITY, Stamp(0))),
+            far_path: vec![(1.0, 0.0)],
+            ..WaypointGenerator::default()
+        };
+        let take = |generator: &mut WaypointGenerator, x_m: f64, second: u64| {
+            let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 0.0, 0.0)));
+            let odometry = Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() };
+            generator.take_position(&odometry, "global", Stamp(second * 1_000_000_000)).unwrap()
+        };
+        assert_eq!([take(&mut generator, 0.0, 0), take(&mut generator, 1.0, 1)], [None; 2]);
+        assert!(generator.way.start().is_some());
+        generator.global_from_local = Some((Pose::from_xy_yaw(100.0, 0.0, 0.0), Stamp(0)));
+        let leap_m = take(&mut generator, 1.5, 2).unwrap();
+        assert!((leap_m - 99.5).abs() < 1e-9, "{leap_m}");
+        assert_eq!((generator.way.start(), generator.far_path.len()), (None, 0));
+    }
+
+    #[test]
+    fn after_init_the_way_goes_on_where_the_vehicle_is_and_another_one_begins_where_it_was_carried_to() {
+        let take = |generator: &mut WaypointGenerator, x_m: f64, second: u64| {
+            let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 0.0, 0.0)));
+            let odometry = Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() };
+            generator.take_position(&odometry, "global", Stamp(second * 1_000_000_000)).unwrap();
+        };
+        let params = WaypointGeneratorParams::default();
+        let frames = Some((Pose::IDENTITY, Stamp(0)));
+        let mut stood = WaypointGenerator { global_from_local: frames, ..WaypointGenerator::default() };
+        take(&mut stood, 0.0, 0);
+        let mut drove = stood.clone();
+        (1..8).for_each(|second| take(&mut drove, second as f64, second));
+        for (before, x_m, points, has_start) in
+            [(&stood, 0.0, 1, true), (&drove, 8.0, 9, false), (&drove, 60.0, 1, true)]
+        {
+            let mut renewed = before.renew(&params);
+            renewed.global_from_local = frames;
+            take(&mut renewed, x_m, 20);
+            assert_eq!((renewed.track.len(), renewed.way.start().is_some()), (points, has_start), "{x_m}");
+        }
     }
 }

@@ -4,15 +4,46 @@
 use super::bars::in_local;
 use super::{Ports, WaypointGenerator};
 use crate::map_reader::MapReader;
-use crate::proto::{PlanPoint, WaypointGeneratorParams};
+use crate::proto::{PlanPoint, Route, WaypointGeneratorParams};
+use crate::shortcut::Way;
 use crate::{route, slips};
 use rcs_geom::{DVec2, Pose};
 use rcs_runtime::Cycle;
+use rcs_sense::{Origin, fingerprint_of_texts};
 
 /// Time between two routes near the goal, s: at most a quarter of a metre.
 const ROUTE_PERIOD_S: f64 = 0.2;
+/// Distance from a goal, by the position estimate, at which its route replaces one that leads elsewhere, m: a course counts
+/// its goal as reached within 1.5 m, and the estimate is off by 1.3 m.
+const REACHED_M: f64 = 3.0;
+
+/// Fingerprint of the route and the slips that the parameters give.
+pub(super) fn remembered_of(params: &WaypointGeneratorParams) -> u64 {
+    fingerprint_of_texts(&[&params.route, &params.slips])
+}
 
 impl WaypointGenerator {
+    /// Forgets the route and the slips of the parameters, until the next start or until those give others, and the way and
+    /// the slips of this run. Sends empty ones: the next run would be handed those that were sent before.
+    pub(super) fn forget(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        self.forgotten = Some(remembered_of(params));
+        (self.way, self.sent_goal) = (Way::default(), None);
+        self.slippery.clear();
+        self.barred.retain(|place| !place.slipped);
+        // The planners are told without them.
+        self.is_to_tell = true;
+        let Ok(origin) = self.given.origin(params) else { return };
+        let now = cx.now();
+        self.slips_sent = Some(now);
+        cx.write(&ports.slips, now, slips::to_message(&[], &origin.0));
+        cx.write(&ports.route, now, route::to_message(&[], 0.0, &origin.0, 0.0));
+    }
+
+    /// The route of an earlier run; `None` without one, and after it was told to forget it.
+    pub(super) fn route_before(&mut self, params: &WaypointGeneratorParams) -> Option<&Route> {
+        if self.forgotten.is_some() { None } else { self.given.route(params) }
+    }
+
     /// Cuts the way by the map, each time that the vehicle has driven some metres.
     pub(super) fn cut_way(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
         let Some((global_from_local, _)) = self.global_from_local.filter(|_| self.way.is_due()) else {
@@ -28,34 +59,40 @@ impl WaypointGenerator {
         self.way.cut(&reader.sensed, &barred, to_global);
     }
 
-    /// The route of the parameters in the local frame, if it leads to the goal (global frame, m).
+    /// The route of the earlier run in the local frame; the error says why it does not lead to the goal (global frame, m).
     pub(super) fn remembered(
         &mut self,
         params: &WaypointGeneratorParams,
         goal: DVec2,
         local_from_route: &Pose,
-    ) -> Vec<PlanPoint> {
-        self.refused_route = None;
-        let Ok(origin) = self.given.origin(params) else { return Vec::new() };
-        let Some(route) = self.given.route(params) else { return Vec::new() };
-        match route::in_global(route, &origin.0, goal, params.route_goal_m) {
-            Ok(points) => {
-                let local = points.iter().map(|point| *local_from_route * point.extend(0.0));
-                local.map(|at| PlanPoint { x_m: at.x, y_m: at.y }).collect()
-            }
-            Err(error) => {
-                self.refused_route = Some(error.to_string());
-                Vec::new()
-            }
+    ) -> Result<Vec<PlanPoint>, String> {
+        let Ok(origin) = self.given.origin(params) else { return Ok(Vec::new()) };
+        let Some(route) = self.route_before(params) else { return Ok(Vec::new()) };
+        let points = route::in_global(route, &origin.0, goal, params.route_goal_m);
+        let points = points.map_err(|error| error.to_string())?;
+        let local = points.iter().map(|point| *local_from_route * point.extend(0.0));
+        Ok(local.map(|at| PlanPoint { x_m: at.x, y_m: at.y }).collect())
+    }
+
+    /// Whether the route that is remembered, of this run or else of the earlier one, leads elsewhere than to the goal
+    /// (global frame, m).
+    fn remembers_another(&mut self, params: &WaypointGeneratorParams, origin: &Origin, goal: DVec2) -> bool {
+        let within_m = params.route_goal_m;
+        if let Some(sent) = self.sent_goal {
+            return goal.distance(DVec2::from(sent)) > within_m;
         }
+        let before = self.route_before(params);
+        before.is_some_and(|route| route::in_global(route, &origin.0, goal, within_m).is_err())
     }
 
     /// Sends the route while the vehicle is near the goal (global frame, m): a run ends when the goal is reached, which this
-    /// process may not live to see.
+    /// process may not live to see. What is remembered is one route: one to another goal than was stated stays until this
+    /// goal is reached.
     pub(super) fn send_route(
         &mut self,
         ports: &Ports,
         params: &WaypointGeneratorParams,
+        stated: DVec2,
         goal: DVec2,
         cx: &mut Cycle<'_>,
     ) {
@@ -66,6 +103,9 @@ impl WaypointGenerator {
             return;
         }
         let Ok(origin) = self.given.origin(params) else { return };
+        if stated.distance(at) > REACHED_M && self.remembers_another(params, &origin, stated) {
+            return;
+        }
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
         let Some((global_from_local, _)) = self.global_from_local else { return };
         let has_slipped = self.has_slipped();
@@ -77,7 +117,7 @@ impl WaypointGenerator {
             return;
         }
         let time_s = now.seconds_since(began);
-        self.sent = Some(now);
+        (self.sent, self.sent_goal) = (Some(now), Some((stated.x, stated.y)));
         cx.write(&ports.route, now, route::to_message(&way, route::length_m(&track), &origin.0, time_s));
     }
 }

@@ -36,7 +36,7 @@ impl WaypointGenerator {
             return None;
         }
         let origin = self.given.origin(params).ok()?;
-        let before = route::start(self.given.route(params)?, &origin.0)?;
+        let before = route::start(self.route_before(params)?, &origin.0)?;
         let local_from_global = global_from_local.inverse();
         let shift = began.extend(0.0) - local_from_global * before.extend(0.0);
         if shift.truncate().length() > params.same_start_m {

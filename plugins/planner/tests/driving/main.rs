@@ -5,6 +5,7 @@
 mod goal;
 mod missions;
 mod modes;
+mod remembered;
 mod slips;
 mod stands;
 
@@ -455,7 +456,10 @@ fn when_one_of_two_cameras_stops_it_stands_until_that_is_back() {
     look(&mut bench, &["left"], 24);
     assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
     let (state, text) = status(&bench, "follower");
-    assert!(state == ProcessState::Error && text.starts_with("the newest right image is 1."), "{text}");
+    assert!(
+        state == ProcessState::Error && text.starts_with("what comes from the right side is 1."),
+        "{text}"
+    );
     look(&mut bench, &["left", "right"], 4);
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
 }

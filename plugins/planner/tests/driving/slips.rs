@@ -11,18 +11,18 @@ use rcs_sense::pose_message;
 use rcs_testkit::bench::Bench;
 
 /// The places that are sent, in the global frame, m.
-fn sent(bench: &Bench) -> Option<Vec<(f64, f64)>> {
+pub(super) fn sent(bench: &Bench) -> Option<Vec<(f64, f64)>> {
     let message = bench.newest::<SlipMemory>("/generator/slips")?;
     let origin = Utm::new(18, true, 300_000.0, 4_000_000.0).unwrap();
     Some(slips::in_global(&message, &origin).unwrap().iter().map(|place| place.at).collect())
 }
 
-fn nearest_m(bench: &Bench, to: DVec2) -> f64 {
+pub(super) fn nearest_m(bench: &Bench, to: DVec2) -> f64 {
     path(bench).iter().map(|at| at.distance(to)).fold(f64::INFINITY, f64::min)
 }
 
 /// What a run remembers whose wheels turned on the spot at 5 m, as the text of a file.
-fn first_run() -> String {
+pub(super) fn first_run() -> String {
     let mut bench = start(&FILES);
     drive_ahead(&mut bench, 9.0);
     assert_eq!(sent(&bench), None);

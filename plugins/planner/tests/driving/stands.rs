@@ -190,5 +190,6 @@ fn a_camera_whose_clock_is_ahead_and_that_stops_is_noticed_in_time() {
     assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
     super::sense(&mut bench, &["sensed", "right"], &pose, free, 20);
     assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
-    assert!(status(&bench, "follower").1.starts_with("the newest left image is "), "{}", story(&bench));
+    let (_, text) = status(&bench, "follower");
+    assert!(text.starts_with("what comes from the left side is "), "{text}");
 }

@@ -147,10 +147,12 @@ impl VehicleInterface {
                 ));
             }
         }
-        if let Some(odometry) = cx.read_newest(&ports.local)
-            && let Err(error) = self.take_local(&odometry)
-        {
-            cx.fault(format!("local: {error}; skipped"));
+        if let Some(odometry) = cx.read_newest(&ports.local) {
+            match self.take_local(&odometry) {
+                Ok(false) => {}
+                Ok(true) => cx.fault("local: the clock of the poses has begun again"),
+                Err(error) => cx.fault(format!("local: {error}; skipped")),
+            }
         }
         if let Some(imu) = imu {
             self.take_imu(&imu, cx);
@@ -171,17 +173,20 @@ impl VehicleInterface {
         }
     }
 
-    /// Takes heading, roll and pitch of the local estimate.
-    fn take_local(&mut self, odometry: &Msg<Odometry>) -> Result<(), String> {
+    /// Takes heading, roll and pitch of the local estimate. Returns whether its clock has begun again: its pose is taken, and
+    /// is as old as it says.
+    fn take_local(&mut self, odometry: &Msg<Odometry>) -> Result<bool, String> {
         let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id).map_err(|error| error.to_string())?;
         let time = odometry.acq_time_on_arrival();
-        if let Some((_, before)) = self.yaw.filter(|&(_, before)| before > time) {
+        let newest = self.yaw.map(|(_, newest)| newest);
+        let begins_again = self.local_clock.begins_again(newest, time);
+        if let Some(before) = newest.filter(|&before| before > time && !begins_again) {
             return Err(format!("pose is {:.3} s older than the one before", before.seconds_since(time)));
         }
         self.yaw = Some((pose.yaw(), time));
         let [roll_rad, pitch_rad, _] = pose.rpy();
         self.sensed.attitude_rad = Some(([roll_rad, pitch_rad], time));
-        Ok(())
+        Ok(begins_again)
     }
 
     /// Roll and pitch come from the local estimate while there is one: it separates acceleration from gravity.

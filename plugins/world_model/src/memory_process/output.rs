@@ -1,7 +1,7 @@
 //! What the map memory sends: the costs of the remembered map, where its frame lies, and the map to save.
 
-use super::{MapMemoryKeeper, Now, Ports};
-use crate::memory::{MemoryError, Rectangle, check, statement};
+use super::{IN_TURN, MapMemoryKeeper, Now, Ports};
+use crate::memory::{MemoryError, Rectangle, check, parse, statement};
 use crate::proto::{MapMemory, MapMemoryParams};
 use crate::register::{Placed, Remembered, moved_m};
 use rcs_geom::Pose;
@@ -121,8 +121,9 @@ impl MapMemoryKeeper {
         }
     }
 
-    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers. One that the next
-    /// run would refuse is an error.
+    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers. Until it is decided
+    /// whether the remembered map fits, that is the remembered one as it was: it would be lost with a run that ends before,
+    /// and where what is sensed lies in it is not known. One that the next run would refuse is an error.
     fn gather(
         &mut self,
         params: &MapMemoryParams,
@@ -132,10 +133,20 @@ impl MapMemoryKeeper {
     ) -> Result<Option<MapMemory>, MemoryError> {
         self.kept.take(sensed, &self.track, params.near_m)?;
         let old = self.remembered.map.as_ref().and_then(|map| map.as_ref().ok());
+        if old.is_some() && self.is_undecided() {
+            // What this run has saved is newer than what it was given.
+            return if self.has_saved { Ok(None) } else { parse(&params.memory) };
+        }
         let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
         let Some(saved) = self.kept.saved(old, now.global_from_local)? else { return Ok(None) };
         let saved = saved.to_memory(&origin.0);
         check(&saved)?;
+        self.has_saved = true;
         Ok(Some(saved))
+    }
+
+    /// Whether a remembered map has neither been believed nor rejected.
+    fn is_undecided(&self) -> bool {
+        self.settled.is_none() && self.dropped.is_none() && self.misfits < IN_TURN
     }
 }
