@@ -111,7 +111,7 @@ fn classes(args: &EvalClassifyArgs, log: Option<&Log>) -> anyhow::Result<ClassRe
 /// The stack that makes the label images, with the course of the arguments, or that of the recording that it reads.
 fn plan_of(args: &EvalClassifyArgs, stack: &str, log: Option<&Log>) -> anyhow::Result<Arc<Plan>> {
     let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
-    let course = stacks::course_on(stack, args.course.as_deref(), log)?;
+    let course = stacks::course_on(stack, args.course.as_deref(), log);
     stacks::plan(stack, course.as_deref(), &overrides)
 }
 

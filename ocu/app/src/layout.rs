@@ -343,6 +343,38 @@ mod tests {
         }
     }
 
+    /// Whether one of the views `kinds` is behind the other, in the tabs of one tile.
+    fn is_behind(node: &Node, kinds: [&str; 2]) -> bool {
+        match node {
+            Node::Row(tiles) | Node::Column(tiles) => tiles.iter().any(|(_, tile)| is_behind(tile, kinds)),
+            Node::Grid(tiles) => tiles.iter().any(|tile| is_behind(tile, kinds)),
+            Node::Tabs { tiles, .. } => kinds.iter().all(|wanted| {
+                tiles.iter().any(|tile| matches!(tile, Node::View { kind, .. } if kind == wanted))
+            }),
+            Node::View { .. } => false,
+        }
+    }
+
+    #[test]
+    fn the_plan_and_the_map_are_seen_at_once_where_a_layout_has_both() {
+        for name in bundled::names("layout") {
+            let layout = Layout::bundled(name).unwrap().unwrap();
+            assert!(!is_behind(&layout.root, ["plan", "map"]), "{name}");
+        }
+    }
+
+    #[test]
+    fn tracks_of_the_global_position_do_not_lie_over_the_map_that_is_tuned_or_driven_by() {
+        for name in ["simulation", "world_model"] {
+            let layout = Layout::named(name).unwrap();
+            let tiles = serde_json::to_value(&layout.root).unwrap().to_string();
+            for topic in ["/vehicle/gps", "/localization/global"] {
+                let hidden = format!("{topic:?}:{{\"shown\":false}}");
+                assert!(tiles.contains(&hidden), "{name}: {topic}");
+            }
+        }
+    }
+
     #[test]
     fn the_last_tile_of_a_grid_fills_its_row() {
         let tiles = |count: u64| -> Vec<Node> {

@@ -19,8 +19,8 @@ pub struct Request {
     pub stack: Option<String>,
     /// The course of a simulation: name of a bundled one, or a file; `None` for the stack's own.
     pub course: Option<String>,
-    /// Seed of the random numbers.
-    pub seed: u64,
+    /// Seed of the random numbers; `None` for that of the recorded run that the stack reads, else 0.
+    pub seed: Option<u64>,
     /// What an earlier run remembers, with which the stack begins.
     pub remembered: Option<Arc<Remembered>>,
     /// Limits of the history kept of a run.
@@ -119,7 +119,7 @@ impl Request {
 
     /// The request for the same stack, which begins with what an earlier run remembers. Another seed makes it another run.
     #[must_use]
-    pub fn remembering(&self, remembered: Remembered, seed: u64) -> Self {
+    pub fn remembering(&self, remembered: Remembered, seed: Option<u64>) -> Self {
         Self { remembered: Some(Arc::new(remembered)), seed, ..self.clone() }
     }
 

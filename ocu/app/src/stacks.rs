@@ -7,8 +7,8 @@ use crate::remembered::Remembered;
 use crate::{parts, stack_warnings, usage};
 use anyhow::Context as _;
 use rcs_log::{CursorOptions, Log};
-use rcs_msg::AnyMessage;
-use rcs_msg::rcs::CourseRun;
+use rcs_msg::rcs::{CourseRun, RunInfo};
+use rcs_msg::{AnyMessage, Payload, schema_of};
 use rcs_runtime::source::{LogSource, Source, StackSource};
 use rcs_runtime::{Plan, PlanOptions, ProcessPlan, RecordedRun, RunOptions, StackError, StackFile};
 use std::path::{Path, PathBuf};
@@ -133,36 +133,54 @@ pub(crate) fn log_of(request: &Request) -> anyhow::Result<Option<Log>> {
 /// The course of a stack: the given one, else that of the recorded run which it reads, so that it drives to the goal of then.
 /// `None` for the stack's own course: without a recording, for a stack without a course, and for a recording of no bundled
 /// course.
-pub(crate) fn course_on(
-    stack: &str,
-    given: Option<&str>,
-    log: Option<&Log>,
-) -> anyhow::Result<Option<String>> {
+pub(crate) fn course_on(stack: &str, given: Option<&str>, log: Option<&Log>) -> Option<String> {
     if let Some(given) = given {
-        return Ok(Some(given.to_owned()));
+        return Some(given.to_owned());
     }
-    let Some(log) = log.filter(|_| named(stack).is_ok_and(|stack| stack.course().is_some())) else {
-        return Ok(None);
-    };
-    let Some(topic) = log.info().topics.iter().find(|topic| topic.schema.name() == "rcs.CourseRun") else {
-        return Ok(None);
-    };
-    let options = CursorOptions { topics: Some(vec![topic.id]), ..CursorOptions::default() };
-    let Some(first) = log.cursor(options).next().transpose()? else { return Ok(None) };
-    let run = AnyMessage::encoded(topic.schema.clone(), first.data).to::<CourseRun>();
-    let Some(course) = run.map(|run| run.course).filter(|course| !course.is_empty()) else { return Ok(None) };
+    let log = log.filter(|_| named(stack).is_ok_and(|stack| stack.course().is_some()))?;
+    let course = first_of(log).map(|run: CourseRun| run.course).filter(|course| !course.is_empty())?;
     if bundled::file("course", &course).is_none() {
         tracing::warn!(
             "the recording is of the course {course:?}, which is no bundled one: the stack drives to the goal of its own \
              course; expected the file of that course as --course"
         );
-        return Ok(None);
+        return None;
     }
-    Ok(Some(course))
+    Some(course)
 }
 
-/// Warns of parameters that the operator sent during the recorded run that a stack reads: the stack has its own ones.
-pub(crate) fn warn_of_sent_parameters(plan: &Plan, log: &Log) {
+/// The seed of a stack: the given one, else that of the recorded run which it reads, so that a stack on a recording of
+/// itself repeats what was recorded; 0 without such a run.
+pub(crate) fn seed_on(given: Option<u64>, log: Option<&Log>) -> u64 {
+    let recorded = || log.and_then(first_of).map(|run: RunInfo| run.seed);
+    given.or_else(recorded).unwrap_or(0)
+}
+
+/// The first message of the first topic of this type in a recording; `None` if there is none, or it cannot be read.
+fn first_of<T: Payload>(log: &Log) -> Option<T> {
+    let name = schema_of::<T>().name();
+    let topic = log.info().topics.iter().find(|topic| topic.schema.name() == name)?;
+    let options = CursorOptions { topics: Some(vec![topic.id]), ..CursorOptions::default() };
+    let first = log.cursor(options).find_map(Result::ok)?;
+    AnyMessage::encoded(topic.schema.clone(), first.data).to()
+}
+
+/// What is probably a mistake where a stack runs on a recording: it reads nothing of it, and did not make it either. A
+/// stack on a recording of itself repeats the recorded run.
+fn reads_nothing(plan: &Plan, log: &Log) -> Option<String> {
+    let stack = plan.file.name();
+    let made_it = || first_of::<RunInfo>(log).is_some_and(|run| run.stack == stack);
+    (plan.inputs.is_empty() && !made_it()).then(|| {
+        format!("the stack {stack} reads nothing of the recording; expected a stack that reads it, or none")
+    })
+}
+
+/// Warns of a stack that reads nothing of a recording, and of parameters that the operator sent during the recorded run
+/// that it reads: the stack has its own ones.
+pub(crate) fn warn_of_recording(plan: &Plan, log: &Log) {
+    if let Some(warning) = reads_nothing(plan, log) {
+        tracing::warn!("{warning}");
+    }
     let Ok(recorded) = RecordedRun::read(log, rcs_plugins::all()) else { return };
     let is_sent = |process: &&ProcessPlan| {
         let buffer = &plan.buffers[process.params_buffer].spec.name;
@@ -193,9 +211,14 @@ pub(crate) fn open_on(request: &Request, log: Option<&Log>) -> anyhow::Result<Bo
         return Ok(Box::new(LogSource::new(log)?));
     };
     let remembered = request.remembered.as_deref().cloned().unwrap_or_default();
-    let course = course_on(stack, request.course.as_deref(), log)?;
-    let plan = plan_with(stack, course.as_deref(), &[], &remembered)?;
-    let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
+    let course = course_on(stack, request.course.as_deref(), log);
+    let mut plan = plan_with(stack, course.as_deref(), &[], &remembered)?;
+    let warning = log.and_then(|log| reads_nothing(&plan, log));
+    if let Some(plan) = Arc::get_mut(&mut plan) {
+        plan.warnings.extend(warning);
+    }
+    let seed = seed_on(request.seed, log);
+    let options = RunOptions { seed, past: request.past.options(), ..options() };
     let source = StackSource::new(plan, log, options).context("the stack cannot run")?;
     Ok(Box::new(source))
 }

@@ -138,7 +138,7 @@ impl<'a> Prepared<'a> {
         if let Some(first) = variants.first() {
             acts::check_faults(&first.plan, log.as_ref(), &first.acts)?;
             if let Some(log) = &log {
-                stacks::warn_of_sent_parameters(&first.plan, log);
+                stacks::warn_of_recording(&first.plan, log);
             }
         }
         check_files(args, &variants)?;
@@ -199,7 +199,7 @@ fn variants(args: &SweepArgs, log: Option<&Log>) -> anyhow::Result<Vec<Variant>>
             .flat_map(|known| values.iter().map(move |value| with(known, value)))
             .collect();
     }
-    let course = stacks::course_on(&args.stack, args.course.as_deref(), log)?;
+    let course = stacks::course_on(&args.stack, args.course.as_deref(), log);
     let mut variants = Vec::with_capacity(runs);
     for params in combinations {
         let overrides: Vec<(String, String)> = params.clone().into_iter().collect();

@@ -19,7 +19,7 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     }
     let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
     let log = stacks::open_full(&args.log)?;
-    let course = stacks::course_on(&args.stack, args.course.as_deref(), Some(&log))?;
+    let course = stacks::course_on(&args.stack, args.course.as_deref(), Some(&log));
     let job = tune::Job {
         plan: stacks::plan(&args.stack, course.as_deref(), &overrides)?,
         process: args.process.as_deref(),

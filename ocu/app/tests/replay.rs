@@ -480,6 +480,44 @@ fn a_stack_on_a_recorded_run_says_that_parameters_which_were_sent_in_that_run_ar
 }
 
 #[test]
+fn a_stack_on_a_recorded_run_has_the_seed_of_that_run_unless_another_one_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (log, again) = (path("drive.mcap"), path("again.mcap"));
+    let simulation = ["run", "--stack", "simulation", "--until", "0.3", "--json"];
+    run(&[&simulation[..], &["--seed", "7", "--record", &log]].concat(), 0);
+    let seed = |seed: Option<u64>| {
+        let (log, stack) = (Some(log.clone().into()), Some("simulation".to_owned()));
+        let request = ocu_app::open::Request { log, stack, seed, ..Default::default() };
+        let frame = ocu_app::stacks::open(&request).unwrap().frame();
+        let mut runs = frame.topics_of_type("rcs.RunInfo").filter(|topic| !topic.run.is_recorded());
+        runs.next().unwrap().get::<rcs_msg::rcs::RunInfo>().unwrap().seed
+    };
+    assert_eq!((seed(None), seed(Some(0)), seed(Some(8))), (7, 0, 8));
+    run(&[&simulation[..], &["--log", &log, "--record", &again]].concat(), 0);
+    let again = Log::open(&again).unwrap();
+    let again = rcs_runtime::RecordedRun::read(&again, rcs_plugins::all()).unwrap();
+    assert_eq!(again.info().seed, 7);
+}
+
+#[test]
+fn a_stack_that_reads_nothing_of_a_recording_says_so_unless_it_repeats_the_recorded_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = recording_of_hill(folder.path());
+    let says = |stack: &str| {
+        let args = ["run", "--stack", stack, "--log", log.to_str().unwrap(), "--until", "0.1"];
+        let (_, _, errors) = ocu(&args);
+        let (log, stack) = (Some(log.clone()), Some(stack.to_owned()));
+        let request = ocu_app::open::Request { log, stack, ..Default::default() };
+        let problems = ocu_app::stacks::open(&request).unwrap().info().problems.concat();
+        [errors, problems].map(|text| text.contains("reads nothing of the recording"))
+    };
+    assert_eq!(says("truth_driver"), [true, true]);
+    assert_eq!(says("simulation"), [false, false]);
+    assert_eq!(says("replay"), [false, false]);
+}
+
+#[test]
 fn a_stack_on_a_recording_of_a_course_has_the_goal_of_that_course() {
     let dir = tempfile::tempdir().unwrap();
     let log = recording_of_hill(dir.path());

@@ -4,12 +4,13 @@
 //! Items at the left follow each other, items at the right keep their place at the right end. An item says how it gives
 //! way ([`Fit`]) and paints itself in the form that it is asked for ([`Form`]). Widths are those of the last time that
 //! an item was painted in a form. A form that was never painted is measured first, out of sight; a pass that finds another
-//! width than before is painted again.
+//! width than before is painted again. While a list or menu of the bar is open, its items keep their forms: the list
+//! would close with the button that opened it.
 
 use crate::{Icon, icons, tokens, widgets};
 use egui::containers::menu::{MenuButton, MenuConfig, SubMenuButton};
 use egui::{
-    Align, Button, ComboBox, InnerResponse, Layout, PopupCloseBehavior, Pos2, Rect, Response, Role,
+    Align, Button, ComboBox, Id, InnerResponse, Layout, PopupCloseBehavior, Pos2, Rect, Response, Role,
     ScrollArea, Sense, TextWrapMode, Ui, UiBuilder, Vec2, WidgetInfo,
 };
 use std::collections::BTreeMap;
@@ -67,6 +68,33 @@ pub struct Bar<'a, C> {
 /// Widths of the items of a bar, by name and form.
 type Widths = BTreeMap<(&'static str, Form), f32>;
 
+/// The forms of the items of a bar by name, and its width, points. They are known while a list of the bar is open.
+#[derive(Clone, Default)]
+struct Kept {
+    width: f32,
+    forms: BTreeMap<&'static str, Option<Form>>,
+}
+
+/// Where a list that is painted is noted, for the bar that is being painted.
+fn open_list() -> Id {
+    Id::unique("a list of a bar is open")
+}
+
+/// Tells the bar that is being painted that a list of it is open.
+fn note_open_list(ui: &Ui) {
+    ui.data_mut(|data| data.insert_temp(open_list(), true));
+}
+
+/// The forms of the pass before, if a list of the bar was open and the bar is as wide as it was. Forgets them, and that a
+/// list is open.
+fn kept(bar: &Ui, width: f32) -> Option<Kept> {
+    let kept: Option<Kept> = bar.data_mut(|data| {
+        data.remove::<bool>(open_list());
+        data.remove_temp(bar.scope_id())
+    });
+    kept.filter(|kept| kept.width == width)
+}
+
 /// The width of an item that does not stretch.
 fn width_of(widths: &Widths, name: &'static str, form: Form) -> f32 {
     widths.get(&(name, form)).copied().unwrap_or(0.0)
@@ -105,7 +133,8 @@ impl<'a, C> Bar<'a, C> {
         let mut known: Widths = ui.data(|data| data.get_temp(id)).unwrap_or_default();
         let has_measured = self.measure(ui, rect, &mut known, cx);
         let mut widths = known.clone();
-        let forms = forms(&self.shapes(&known), rect.width(), gap);
+        let (kept, fitting) = (kept(ui, rect.width()), forms(&self.shapes(&known), rect.width(), gap));
+        let forms = self.forms(kept.as_ref(), &fitting);
         let mut listed: Vec<usize> = Vec::new();
         let (mut left, mut right) = (rect.left(), rect.right());
         // The places of those at the right follow from their last widths.
@@ -162,11 +191,28 @@ impl<'a, C> Bar<'a, C> {
                 Rect::from_min_size(Pos2::new(right + gap, rect.top()), Vec2::new(MORE, rect.height()));
             self.menu(ui, place, &listed, cx);
         }
-        if has_measured || widths != known {
+        let is_open = self.keep(ui, rect.width(), &forms);
+        if has_measured || widths != known || (!is_open && forms != fitting) {
             ui.data_mut(|data| data.insert_temp(id, widths));
             ui.ctx().request_discard("the items of a bar changed their widths");
             ui.ctx().request_repaint();
         }
+    }
+
+    /// The forms of the items: those that are kept, else those that fit.
+    fn forms(&self, kept: Option<&Kept>, fitting: &[Option<Form>]) -> Vec<Option<Form>> {
+        let kept_form = |item: &Item<'a, C>| kept.and_then(|kept| kept.forms.get(item.name).copied());
+        self.items.iter().zip(fitting).map(|(item, fitting)| kept_form(item).unwrap_or(*fitting)).collect()
+    }
+
+    /// Keeps the forms if a list of the bar is open now; returns whether one is.
+    fn keep(&self, ui: &Ui, width: f32, forms: &[Option<Form>]) -> bool {
+        let is_open = ui.data(|data| data.get_temp(open_list())).unwrap_or(false);
+        if is_open {
+            let forms = self.items.iter().zip(forms).map(|(item, form)| (item.name, *form)).collect();
+            ui.data_mut(|data| data.insert_temp(ui.scope_id(), Kept { width, forms }));
+        }
+        is_open
     }
 
     /// Learns the unknown widths of the forms in the bar, so that each item has its form at once. Otherwise each item that
@@ -201,7 +247,7 @@ impl<'a, C> Bar<'a, C> {
         child.spacing_mut().button_padding = Vec2::splat(2.0);
         let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
         let text = icons::ICON_MORE_HORIZ.rich_text().size(16.0);
-        let (response, _) = MenuButton::new(text).config(config).ui(&mut child, |ui| {
+        let (response, inner) = MenuButton::new(text).config(config).ui(&mut child, |ui| {
             ui.set_min_width(160.0);
             for &index in listed {
                 let item = &mut self.items[index];
@@ -209,6 +255,9 @@ impl<'a, C> Bar<'a, C> {
                 ui.scope_builder(builder, |ui| (item.paint)(ui, Form::Listed, cx));
             }
         });
+        if inner.is_some() {
+            note_open_list(&child);
+        }
         let name = "More of this bar";
         response.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
         response.on_hover_text(name);
@@ -326,11 +375,14 @@ pub fn menu_of(
         Form::Short => icon.codepoint.to_owned(),
         Form::Full | Form::Listed => format!("{}  {text}", icon.codepoint),
     };
-    let (response, _) = if form == Form::Listed {
+    let (response, inner) = if form == Form::Listed {
         SubMenuButton::new(shown).config(config).ui(ui, add)
     } else {
         MenuButton::new(shown).config(config).ui(ui, add)
     };
+    if inner.is_some() {
+        note_open_list(ui);
+    }
     response.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
     response
 }
@@ -378,6 +430,9 @@ pub fn choice<R>(
         let combo = ComboBox::from_id_salt(name).selected_text(text).width(width).truncate();
         combo.height(LIST).close_behavior(closes).show_ui(ui, add)
     };
+    if list.inner.is_some() {
+        note_open_list(ui);
+    }
     list.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, name));
     list
 }
@@ -391,127 +446,5 @@ pub fn divider(ui: &mut Ui, form: Form) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn shape(fit: Fit, full: f32, short: f32) -> Shape {
-        Shape { fit, full, short }
-    }
-
-    /// Paints one frame of a bar of 300 points.
-    fn frame(
-        ctx: &egui::Context,
-        events: Vec<egui::Event>,
-        mut show: impl FnMut(&mut Ui),
-    ) -> egui::PlatformOutput {
-        let input = egui::RawInput {
-            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, Vec2::new(300.0, 100.0))),
-            events,
-            ..egui::RawInput::default()
-        };
-        let mut output = ctx.run_ui(input, &mut show);
-        output.textures_delta.clear();
-        std::mem::take(&mut output.platform_output)
-    }
-
-    #[test]
-    fn a_bar_has_its_forms_at_once_and_settles_after_a_change_within_a_frame() {
-        let ctx = egui::Context::default();
-        crate::theme::install(&ctx);
-        let show = |word: &str| {
-            let mut painted = Vec::new();
-            let output = frame(&ctx, Vec::new(), |ui| {
-                let mut bar = Bar::new("bar");
-                for name in ["one", "two", "three", "four", "five", "six"] {
-                    bar.left(name, Fit::Leaves(1), |ui, form, painted: &mut Vec<(Form, bool)>| {
-                        painted.push((form, ui.is_visible()));
-                        ui.label(if form == Form::Short { "." } else { word });
-                    });
-                }
-                painted.clear();
-                bar.show(ui, 20.0, &mut painted);
-            });
-            (output.num_completed_passes, output.requested_discard(), painted)
-        };
-        let all = |form: Form| vec![(form, true); 6];
-        let long = "more than what fits ".repeat(10);
-        assert_eq!(show("word"), (2, false, all(Form::Full)));
-        assert_eq!(show("word"), (1, false, all(Form::Full)));
-        assert_eq!(show(&long), (3, false, all(Form::Short)));
-        assert_eq!(show(&long), (1, false, all(Form::Short)));
-    }
-
-    #[test]
-    fn a_click_counts_although_another_item_appears_while_the_button_is_down() {
-        let ctx = egui::Context::default();
-        crate::theme::install(&ctx);
-        let mut at = Pos2::ZERO;
-        let mut show = |events: Vec<egui::Event>, has_more: bool| {
-            let mut clicks = 0;
-            frame(&ctx, events, |ui| {
-                let mut bar = Bar::new("bar");
-                if has_more {
-                    bar.left("alarm", Fit::Leaves(1), |ui, _, _: &mut u32| drop(ui.label("alarm")));
-                }
-                bar.right("stop", Fit::Stays, |ui, _, clicks: &mut u32| {
-                    let response = ui.button("Stop");
-                    at = response.rect.center();
-                    *clicks += u32::from(response.clicked());
-                });
-                bar.show(ui, 20.0, &mut clicks);
-                let after = ui.button("after the bar");
-                clicks += 10 * u32::from(after.clicked());
-            });
-            (clicks, at)
-        };
-        let (_, stop) = show(Vec::new(), false);
-        for (at, expected) in [(stop, 1), (Pos2::new(20.0, 38.0), 10)] {
-            let button = |pressed: bool| egui::Event::PointerButton {
-                pos: at,
-                button: egui::PointerButton::Primary,
-                pressed,
-                modifiers: egui::Modifiers::NONE,
-            };
-            assert_eq!(show(vec![egui::Event::PointerMoved(at)], false).0, 0);
-            assert_eq!(show(vec![button(true)], false).0, 0);
-            assert_eq!(show(Vec::new(), true).0, 0);
-            assert_eq!(show(vec![button(false)], true).0, expected);
-        }
-    }
-
-    #[test]
-    fn items_become_short_then_move_into_the_menu_by_worth_and_what_stays_stays() {
-        use Form::{Full, Listed, Short};
-        let items = [
-            shape(Fit::Leaves(20), 80.0, 24.0),
-            shape(Fit::Leaves(10), 60.0, 24.0),
-            shape(Fit::Stretches(40.0), 0.0, 0.0),
-            shape(Fit::Stays, 100.0, 50.0),
-        ];
-        let silent = [shape(Fit::Leaves(1), 0.0, 0.0), shape(Fit::Stays, 100.0, 50.0)];
-        assert_eq!(forms(&silent, 60.0, 8.0), [Some(Full), Some(Short)], "no menu of nothing");
-        let at = |room: f32| forms(&items, room, 8.0);
-        assert_eq!(at(304.0), [Some(Full); 4]);
-        assert_eq!(at(303.0), [Some(Full), Some(Short), Some(Full), Some(Full)]);
-        assert_eq!(at(230.0), [Some(Short), Some(Short), Some(Full), Some(Full)]);
-        assert_eq!(at(200.0)[3], Some(Full), "what stays becomes short last");
-        assert_eq!(at(185.0), [Some(Listed), Some(Listed), Some(Full), Some(Full)]);
-        assert_eq!(at(140.0), [Some(Listed), Some(Listed), Some(Full), Some(Short)]);
-        assert_eq!(at(90.0), [Some(Listed), Some(Listed), None, Some(Short)]);
-        for room in 90..400 {
-            let forms = at(room as f32);
-            let width: f32 = items
-                .iter()
-                .zip(&forms)
-                .map(|(item, form)| match form {
-                    Some(Full) if matches!(item.fit, Fit::Stretches(_)) => 48.0,
-                    Some(Full) => item.full + 8.0,
-                    Some(Short) => item.short + 8.0,
-                    _ => 0.0,
-                })
-                .sum();
-            let menu = if forms.contains(&Some(Listed)) { MORE } else { -8.0 };
-            assert!(width + menu <= room as f32, "{room}: {forms:?}");
-        }
-    }
-}
+#[path = "bar_tests.rs"]
+mod tests;

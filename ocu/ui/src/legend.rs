@@ -73,7 +73,7 @@ pub fn round_step(least: f64) -> f64 {
         .unwrap_or(10.0 * power)
 }
 
-/// A bar with a length in metres, whose right end is at `right_bottom`, on a ground of the canvas's colour.
+/// A bar with a length in metres, whose right end is at `right_bottom`, on the ground that texts on a canvas have.
 pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
     let tokens = tokens(ui);
     let length_m = round_step(64.0 / points_per_m);
@@ -90,8 +90,8 @@ pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
     let at = Pos2::new(left.x + length / 2.0, y - 3.0);
     let place = egui::Align2::CENTER_BOTTOM.anchor_size(at, galley.size());
     let up = Vec2::new(0.0, 4.0);
-    let ground = place.union(Rect::from_two_pos(left - up, right + up)).expand2(Vec2::new(3.0, 0.0));
-    painter.rect_filled(ground, 2.0, tokens.canvas().gamma_multiply(0.8));
+    let ground = place.union(Rect::from_two_pos(left - up, right + up)).expand2(Vec2::new(4.0, 1.0));
+    painter.rect_filled(ground, 2.0, tokens.surface[3].gamma_multiply(0.92));
     let stroke = Stroke::new(1.5, tokens.strong);
     painter.line_segment([left, right], stroke);
     for end in [left, right] {
@@ -183,5 +183,20 @@ mod tests {
         }
         assert_eq!(round_step(f64::NAN), 1.0);
         assert_eq!(round_step(0.0), 1.0);
+    }
+
+    #[test]
+    fn the_text_of_a_scale_bar_lies_on_the_ground_that_texts_on_a_canvas_have() {
+        let mut fill = Color32::TRANSPARENT;
+        let output = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+            fill = tokens(ui).surface[3].gamma_multiply(0.92);
+            scale_bar(ui, Pos2::new(300.0, 100.0), 20.0);
+        });
+        let shapes = || output.shapes.iter().map(|clipped| &clipped.shape);
+        let text = shapes().find(|shape| matches!(shape, egui::Shape::Text(_))).unwrap();
+        let middle = text.visual_bounding_rect().center();
+        let is_ground = |shape: &egui::Shape| matches!(shape, egui::Shape::Rect(ground) if ground.fill == fill && ground.rect.contains(middle));
+        assert!(shapes().any(is_ground));
+        output.drop_without_applying_deltas();
     }
 }

@@ -5,6 +5,7 @@ use egui::{
     Align2, Button, Color32, FontId, Label, Rect, RectAlign, Response, RichText, Role, Sense, TextEdit,
     TextStyle, Tooltip, Ui, Vec2, WidgetInfo,
 };
+use std::collections::BTreeMap;
 
 /// Size of the icon of an empty panel.
 const ICON_OF_EMPTY: f32 = 28.0;
@@ -155,6 +156,24 @@ pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> 
 pub fn named<R>(ui: &mut Ui, name: impl egui::AsIdSalt, add: impl FnOnce(&mut Ui) -> R) -> R {
     let builder = egui::UiBuilder::new().scope_id(ui.scope_id().with(name));
     ui.scope_builder(builder, add).inner
+}
+
+/// What the widget stood for when the press on it began, and before that in the last pass: what the person has read. `now` is
+/// what it stands for in this pass. To be called in each pass.
+pub fn as_pressed<T: Clone + Send + Sync + 'static>(response: &Response, now: T) -> T {
+    let id = response.id.with("as pressed");
+    let read = response.ctx.data(|data| data.get_temp(id)).unwrap_or_else(|| now.clone());
+    if !response.is_pointer_button_down_on() {
+        response.ctx.data_mut(|data| data.insert_temp(id, now));
+    }
+    read
+}
+
+/// How many things with this name were counted before: a part of the name for [`named`] where two things may have the same.
+pub fn nth<T: Ord>(counted: &mut BTreeMap<T, usize>, name: T) -> usize {
+    let count = counted.entry(name).or_default();
+    *count += 1;
+    *count - 1
 }
 
 /// An icon centred at a point. The glyphs of the icon font are slightly too low, which is corrected here.

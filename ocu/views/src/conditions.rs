@@ -164,8 +164,12 @@ impl View for Conditions {
         }
         let mut removed = None;
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            let mut names = BTreeMap::new();
             for (index, found) in shown.iter().enumerate() {
-                if self.row(ui, cx, index, found) {
+                // Notes of those before it come and go.
+                let formula = self.saved.conditions[index].formula.clone();
+                let name = (formula.clone(), widgets::nth(&mut names, formula));
+                if widgets::named(ui, name, |ui| self.row(ui, cx, index, found)) {
                     removed = Some(index);
                 }
             }
@@ -318,7 +322,10 @@ mod tests {
     use super::*;
     use crate::samples;
     use crate::view::Selection;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
     use rcs_runtime::source::{FieldSeries, Playback, RunTag};
+    use std::cell::RefCell;
     use std::sync::Arc;
 
     fn field(text: &str, points: &[(u64, f64)]) -> FieldSeries {
@@ -392,6 +399,47 @@ mod tests {
         view.saved.conditions[0].stops = true;
         assert_eq!(stop(&mut view, &played(11, 38, &fields)), None, "it was ticked later");
         assert_eq!(stop(&mut view, &played(11, 48, &fields)), Some(Stamp(40)));
+    }
+
+    #[test]
+    fn a_press_removes_no_other_condition_that_a_note_moves_to_its_place() {
+        let formulas = ["/a.x", "/b.x", "/c.x"];
+        let fields = formulas.map(|formula| field(formula, &[(10, 0.0), (20, 1.0)]));
+        let frame = played(1, 90, &fields);
+        let conditions =
+            formulas.map(|formula| Condition { formula: formula.to_owned(), stops: false }).to_vec();
+        let reached = |formula: &str| Some((formula.to_owned(), Stamp(20)));
+        for then in ["/a.x", "/c.x"] {
+            let saved = Saved { conditions: conditions.clone() };
+            let view = RefCell::new(Conditions { saved, reached: reached("/a.x"), ..Conditions::default() });
+            let mut harness = Harness::builder()
+                .with_size(egui::Vec2::new(500.0, 200.0))
+                .with_context_setup(ocu_ui::install)
+                .build_ui(|ui| {
+                    let (mut controls, mut wishes) = (Vec::new(), Vec::new());
+                    let mut selection = Selection::default();
+                    let mut cx = ViewContext {
+                        frame: &frame,
+                        controls: &mut controls,
+                        selection: &mut selection,
+                        wishes: &mut wishes,
+                    };
+                    view.borrow_mut().ui(ui, &mut cx);
+                });
+            harness.run_steps(3);
+            let at = harness.get_by_label("Remove /b.x").rect().center();
+            harness.drag_at(at);
+            harness.step();
+            view.borrow_mut().reached = reached(then);
+            harness.step();
+            harness.drop_at(at);
+            harness.step();
+            drop(harness);
+            let saved = view.into_inner().saved;
+            let left: Vec<&str> =
+                saved.conditions.iter().map(|condition| condition.formula.as_str()).collect();
+            assert_eq!(left, ["/a.x", "/c.x"], "stopped at {then}");
+        }
     }
 
     fn series(values: &[f64]) -> Series<FieldPoint> {

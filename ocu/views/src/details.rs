@@ -279,7 +279,14 @@ impl Details {
         let list = params.schema().descriptor().map(specs).unwrap_or_default();
         let (mut edits, mut let_go) = (Vec::new(), false);
         ScrollArea::vertical().id_salt("parameters").auto_shrink(false).show(ui, |ui| {
-            let mut rows = ParamRows { search: "", now: &now, edits: &mut edits, let_go: &mut let_go };
+            let mut rows = ParamRows {
+                search: "",
+                now: &now,
+                given: None,
+                counting: None,
+                edits: &mut edits,
+                let_go: &mut let_go,
+            };
             for spec in &list {
                 rows.ui(ui, &ParamRow { spec, path: spec.name.clone(), value: value.field(&spec.name) }, 0);
             }

@@ -15,6 +15,7 @@ use rcs_msg::Stamp;
 use rcs_msg::rcs::ProcessInfo;
 use rcs_runtime::source::{Control, FieldPoint, FieldSeries, Frame, RunTag, Series};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 const ROW: f32 = 20.0;
@@ -298,10 +299,18 @@ fn list(ui: &mut Ui, cx: &mut ViewContext<'_>, shown: &Shown<'_>) {
     ui.spacing_mut().item_spacing.y = 0.0;
     let count = shown.serials.len();
     ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, count, |ui, range| {
+        let mut names = BTreeMap::new();
         for index in range.map(|row| count - 1 - row) {
+            let size = Vec2::new(ui.available_width(), ROW);
+            let Some(point) = shown.serials.get(index) else {
+                ui.allocate_space(size);
+                continue;
+            };
+            // The next command moves all rows.
+            let name = (point.stamp, point.value.to_bits());
+            let name = (name, widgets::nth(&mut names, name));
             let (rect, response) =
-                ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
-            let Some(point) = shown.serials.get(index) else { continue };
+                widgets::named(ui, name, |ui| ui.allocate_exact_size(size, Sense::click()));
             let name = shown.name(point.stamp);
             let sent = shown.sent(index);
             let echo = match sent.as_ref().map(|sent| sent.fate) {
@@ -369,9 +378,13 @@ fn places(rect: Rect) -> Vec<Rect> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::samples;
+    use crate::view::Selection;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
     use rcs_formula::Points;
     use rcs_runtime::source::series_of;
-    use std::collections::BTreeMap;
+    use std::cell::RefCell;
     use std::sync::Arc;
 
     fn at(ms: u64) -> Stamp {
@@ -439,6 +452,62 @@ mod tests {
             let plain =
                 points.iter().find(|point| point.0 >= ms && point.1 == value).map(|point| at(point.0));
             assert_eq!(shown.echo(FieldPoint { stamp: at(ms), value }), plain, "{value} from {ms}");
+        }
+    }
+
+    #[test]
+    fn a_press_on_a_command_goes_to_no_other_one_although_the_next_one_is_sent_before_the_release() {
+        let frame = samples::empty();
+        let first = [(1000, 1.0), (2000, 2.0)];
+        let names = FieldSeries {
+            field: FieldRef { topic: "/a".into(), path: "name".parse().unwrap() },
+            run: RunTag::FIRST,
+            points: series(&[]),
+            names: Arc::default(),
+            states: Arc::default(),
+            reading: None,
+            problem: None,
+        };
+        let echoes = series(&[]);
+        let next = [(1000, 1.0), (2000, 2.0), (3000, 3.0)];
+        for then in [&first[..], &next[..]] {
+            let (sent, asked) = (RefCell::new(series(&first)), RefCell::new(Vec::<Control>::new()));
+            let mut harness = Harness::builder()
+                .with_size(Vec2::new(600.0, 200.0))
+                .with_context_setup(ocu_ui::install)
+                .build_ui(|ui| {
+                    let serials = sent.borrow();
+                    let shown = Shown {
+                        serials: &serials,
+                        names: &names,
+                        echoes: &echoes,
+                        limit_s: 1.0,
+                        known_to: at(10_000),
+                    };
+                    let (mut selection, mut wishes) = (Selection::default(), Vec::new());
+                    let mut controls = asked.borrow_mut();
+                    let mut cx = ViewContext {
+                        frame: &frame,
+                        controls: &mut controls,
+                        selection: &mut selection,
+                        wishes: &mut wishes,
+                    };
+                    list(ui, &mut cx, &shown);
+                });
+            harness.run();
+            let place = harness.get_by_label_contains("Command ? 2").rect().center();
+            harness.drag_at(place);
+            harness.step();
+            *sent.borrow_mut() = series(then);
+            harness.step();
+            harness.drop_at(place);
+            harness.step();
+            drop(harness);
+            let to = asked.into_inner().into_iter().find_map(|control| match control {
+                Control::Seek(to) => Some(to),
+                _ => None,
+            });
+            assert_eq!(to, Some(at(2000)), "{} commands", then.len());
         }
     }
 }

@@ -25,9 +25,14 @@ pub(crate) fn show<C>(ui: &mut Ui, bar: Bar<'_, C>, cx: &mut C) {
 pub(crate) fn topic_label(frame: &Frame, topic: &Topic) -> String {
     let twice = frame.topics.iter().filter(|other| other.name == topic.name).count() > 1;
     match topic.run {
-        RunTag::Recorded if twice => format!("{} (recorded)", topic.name),
+        RunTag::Recorded if twice => recorded_label(&topic.name),
         _ => topic.name.to_string(),
     }
+}
+
+/// Name of a recorded topic beside a computed one of the same name.
+pub(crate) fn recorded_label(name: &str) -> String {
+    format!("{name} (recorded)")
 }
 
 /// A drop-down list of topics.

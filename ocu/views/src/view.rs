@@ -275,18 +275,26 @@ impl Drafts {
     }
 }
 
-/// Parameters that are being edited and are not in force yet.
+/// Parameters that count in no map yet: they are being edited, or were sent after the newest map was made.
 #[derive(Clone, Debug)]
 pub struct Preview {
     /// The process to which they belong.
     pub process: Arc<str>,
+    /// The run of its parameters; maps of other runs are not previewed.
+    pub run: RunTag,
     /// The complete parameters.
     pub params: AnyMessage,
+    /// The complete parameters with which the newest map was made.
+    pub before: AnyMessage,
+    /// Whether they were sent, and nothing was edited since.
+    pub is_sent: bool,
 }
 
 impl PartialEq for Preview {
     fn eq(&self, other: &Self) -> bool {
-        self.process == other.process && self.params.same(&other.params)
+        (&self.process, self.run, self.is_sent) == (&other.process, other.run, other.is_sent)
+            && self.params.same(&other.params)
+            && self.before.same(&other.before)
     }
 }
 
@@ -365,8 +373,6 @@ pub enum Wish {
         process: Arc<str>,
         /// Path of the parameter.
         field: String,
-        /// The parameters of the process.
-        in_force: AnyMessage,
     },
     /// Show a topic.
     Show {

@@ -113,9 +113,9 @@ pub struct WindowArgs {
     /// What an earlier run remembers, a file that the window saved: the stack begins with it
     #[arg(long, value_name = "FILE", value_parser = parse_remembered)]
     pub remembered: Option<Arc<Remembered>>,
-    /// Seed of the random numbers
-    #[arg(long, default_value_t = 0, value_parser = parse_seed, allow_negative_numbers = true)]
-    pub seed: u64,
+    /// Seed of the random numbers, by default that of the recorded run that the stack reads, else 0
+    #[arg(long, value_parser = parse_seed, allow_negative_numbers = true)]
+    pub seed: Option<u64>,
     /// Layout to start with: the name of a bundled one, of one that you keep, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,

@@ -77,9 +77,9 @@ pub struct RenderArgs {
     /// Course that a simulation runs: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "COURSE")]
     pub course: Option<String>,
-    /// Seed of the random numbers
-    #[arg(long, default_value_t = 0, value_parser = parse_seed, allow_negative_numbers = true)]
-    pub seed: u64,
+    /// Seed of the random numbers, by default that of the recorded run that the stack reads, else 0
+    #[arg(long, value_parser = parse_seed, allow_negative_numbers = true)]
+    pub seed: Option<u64>,
     /// Layout to draw: the name of a bundled one, of one that you keep, or a .ron file; without it, the one that
     /// fits the source
     #[arg(long, short, value_name = "LAYOUT")]

@@ -78,7 +78,7 @@ pub struct RunArgs {
     /// What an earlier run remembers, a file that the window saved: the run begins with it
     #[arg(long, value_name = "FILE", value_parser = parse_remembered, conflicts_with = "replay")]
     pub remembered: Option<Arc<Remembered>>,
-    /// Seed of the run's random numbers, 0 by default
+    /// Seed of the run's random numbers, by default that of the recorded run that it reads, else 0
     #[arg(long, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// Parameter of a process, as process.field=value; may be given several times

@@ -37,7 +37,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         tracing::warn!("{warning}");
     }
     if let Some(log) = &log {
-        stacks::warn_of_sent_parameters(&plan, log);
+        stacks::warn_of_recording(&plan, log);
     }
     if let Some(save) = args.save.iter().find(|save| !has_buffer(&plan, &save.buffer)) {
         return Err(usage(format!(
@@ -54,10 +54,10 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         let referee = runs::referee(&plan);
         return live::run(args, plan, referee, &acts, out);
     }
+    let seed = stacks::seed_on(args.seed, log.as_ref());
     let mut stack = Ready { args, plan, course, log, acts };
     let mut memory = remembered(args);
     let mut recordings = recordings(args).into_iter();
-    let seed = args.seed.unwrap_or(0);
     let mut runs = Vec::new();
     let mut done = stack.run(seed, recordings.next())?;
     let mut warnings = std::mem::take(&mut done.report.warnings);
@@ -134,7 +134,7 @@ fn plan(args: &RunArgs, log: Option<&Log>) -> anyhow::Result<(Arc<Plan>, Option<
     if let Some(name) = remembered.names().find(is_given) {
         return Err(usage(format!("--param and --remembered both have {name}; expected one of them")));
     }
-    let course = stacks::course_on(stack, args.course.as_deref(), log)?;
+    let course = stacks::course_on(stack, args.course.as_deref(), log);
     let plan = stacks::plan_with(stack, course.as_deref(), &overrides, &remembered)?;
     Ok((plan, course))
 }

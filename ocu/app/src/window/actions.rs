@@ -7,6 +7,7 @@ use super::leaving::{Lost, Next};
 use super::notices::Matter;
 use super::open::{Outcome, Picked};
 use super::recording;
+use super::top_menus::seed_of;
 use super::top_state::TopBarAction;
 use super::tree::Workspace;
 use crate::layout::Layout;
@@ -87,7 +88,7 @@ impl Window {
     /// The request for the open stack with this seed, which begins with what `find` finds; says so where no stack is open.
     fn remembering(
         &mut self,
-        seed: u64,
+        seed: Option<u64>,
         find: impl FnOnce(&mut Self) -> Option<Remembered>,
     ) -> Option<Request> {
         if self.current.stack.is_none() {
@@ -152,7 +153,7 @@ impl Window {
             Command::Palette => self.palette.toggle(),
             Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
             Command::NextRun => {
-                let seed = self.current.seed.wrapping_add(1);
+                let seed = frame.map(|frame| seed_of(&self.current, frame).wrapping_add(1));
                 if let Some(next) = self.remembering(seed, |window| window.remembered(frame)) {
                     self.open_asking(next, controls);
                 }

@@ -90,14 +90,12 @@ impl FileDialogs {
                 current.stack = Some(path.display().to_string());
             }
         }
-        match self.load_param.as_mut().and_then(|dialog| dialog.ui(ctx)) {
+        match self.load_param.as_mut().and_then(|dialog| dialog.ui(ctx, frame)) {
             None => {}
             Some(Loaded::Cancelled) => self.load_param = None,
-            Some(Loaded::Params { process, message }) => {
+            Some(Loaded::Params { buffer, message }) => {
                 self.load_param = None;
-                let info = frame.and_then(|frame| frame.processes.iter().find(|info| info.name == *process));
-                let buffer = info.map(|info| info.params_buffer.clone());
-                controls.extend(buffer.map(|buffer| Control::Write { buffer, message }));
+                controls.push(Control::Write { buffer, message });
             }
         }
     }

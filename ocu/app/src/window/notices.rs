@@ -28,6 +28,8 @@ pub(super) enum Matter {
 
 #[derive(Debug)]
 struct Notice {
+    /// Tells it from the others.
+    serial: u64,
     matter: Matter,
     text: String,
     /// When it leaves; `None` for an error.
@@ -37,7 +39,9 @@ struct Notice {
 /// The current messages.
 #[derive(Debug, Default)]
 pub(super) struct Notices {
-    notices: Vec<Notice>,
+    shown: Vec<Notice>,
+    /// The serial number of the newest message.
+    last_serial: u64,
     /// The source's error that was dismissed; it is shown again when it changes.
     dismissed: Option<String>,
 }
@@ -45,25 +49,28 @@ pub(super) struct Notices {
 impl Notices {
     /// Adds an error, unless the same one is already shown.
     pub(super) fn error(&mut self, matter: Matter, text: impl Into<String>) {
-        self.add(Notice { matter, text: text.into(), until: None });
+        self.add(matter, text.into(), None);
     }
 
     /// Adds a piece of news, in place of the last one in the same matter.
     pub(super) fn news(&mut self, matter: Matter, text: impl Into<String>) {
-        self.notices.retain(|known| known.matter != matter || known.until.is_none());
-        self.add(Notice { matter, text: text.into(), until: Some(Instant::now() + NEWS) });
+        self.shown.retain(|known| known.matter != matter || known.until.is_none());
+        self.add(matter, text.into(), Some(Instant::now() + NEWS));
     }
 
-    fn add(&mut self, notice: Notice) {
-        self.notices.retain(|known| known.text != notice.text);
-        self.notices.push(notice);
-        let surplus = self.notices.len().saturating_sub(MOST);
-        self.notices.drain(..surplus);
+    fn add(&mut self, matter: Matter, text: String, until: Option<Instant>) {
+        // One that is said again can still be dismissed by a press from before.
+        let known = self.shown.iter().position(|known| known.text == text);
+        let serial = known.map_or(self.last_serial + 1, |known| self.shown.remove(known).serial);
+        self.last_serial = self.last_serial.max(serial);
+        self.shown.push(Notice { serial, matter, text, until });
+        let surplus = self.shown.len().saturating_sub(MOST);
+        self.shown.drain(..surplus);
     }
 
     /// Removes what is said in a matter, because it has been mended.
     pub(super) fn mended(&mut self, matter: Matter) {
-        self.notices.retain(|known| known.matter != matter);
+        self.shown.retain(|known| known.matter != matter);
     }
 
     /// Paints the messages, and the source's own error, over the lower right corner of a region.
@@ -92,23 +99,24 @@ impl Notices {
 
     fn lines(&mut self, ui: &mut egui::Ui, source_error: Option<&str>) {
         let now = Instant::now();
-        if let Some(next) = self.notices.iter().filter_map(|notice| notice.until).min() {
+        if let Some(next) = self.shown.iter().filter_map(|notice| notice.until).min() {
             ui.ctx().request_repaint_after(next.saturating_duration_since(now));
         }
         let mut closed = None;
-        for (index, notice) in self.notices.iter().enumerate() {
-            if line(ui, &notice.text, notice.until.is_none()) {
+        for (index, notice) in self.shown.iter().enumerate() {
+            let line = |ui: &mut egui::Ui| line(ui, &notice.text, notice.until.is_none());
+            if widgets::named(ui, notice.serial, line) {
                 closed = Some(index);
             }
         }
         if let Some(index) = closed {
-            self.notices.remove(index);
+            self.shown.remove(index);
         }
         match source_error {
             None => self.dismissed = None,
             Some(text) if self.dismissed.as_deref() == Some(text) => {}
             Some(text) => {
-                if line(ui, text, true) {
+                if widgets::named(ui, ("source", text), |ui| line(ui, text, true)) {
                     self.dismissed = Some(text.to_owned());
                 }
             }
@@ -118,8 +126,8 @@ impl Notices {
     /// Whether there is anything to show. Old news leave here.
     fn is_empty(&mut self, source_error: Option<&str>) -> bool {
         let now = Instant::now();
-        self.notices.retain(|notice| notice.until.is_none_or(|until| until > now));
-        self.notices.is_empty() && (source_error.is_none() || self.dismissed.as_deref() == source_error)
+        self.shown.retain(|notice| notice.until.is_none_or(|until| until > now));
+        self.shown.is_empty() && (source_error.is_none() || self.dismissed.as_deref() == source_error)
     }
 }
 
@@ -145,6 +153,37 @@ fn line(ui: &mut egui::Ui, text: &str, is_error: bool) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use std::cell::RefCell;
+
+    /// What is left of two errors after a press on *Dismiss* of the first one, a change, and the release.
+    fn left(change: impl FnOnce(&mut Notices)) -> Vec<String> {
+        let notices = RefCell::new(Notices::default());
+        notices.borrow_mut().error(Matter::Open, "no such file");
+        notices.borrow_mut().error(Matter::Recording, "disk full");
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(400.0, 200.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(|ui| notices.borrow_mut().lines(ui, None));
+        harness.run();
+        let buttons = harness.query_all_by_label("Dismiss").map(|button| button.rect().center());
+        let at = buttons.min_by(|a, b| a.y.total_cmp(&b.y)).unwrap();
+        harness.drag_at(at);
+        harness.step();
+        change(&mut notices.borrow_mut());
+        harness.step();
+        harness.drop_at(at);
+        harness.step();
+        drop(harness);
+        notices.into_inner().shown.into_iter().map(|notice| notice.text).collect()
+    }
+
+    #[test]
+    fn a_press_dismisses_no_other_message_that_takes_the_place_of_the_pressed_one() {
+        assert_eq!(left(|notices| notices.mended(Matter::Open)), ["disk full"]);
+        assert_eq!(left(|notices| notices.news(Matter::Run, "saved")), ["disk full", "saved"]);
+    }
 
     #[test]
     fn an_error_stays_until_its_matter_is_mended_and_news_replace_each_other() {
@@ -153,12 +192,12 @@ mod tests {
         notices.error(Matter::Open, "no such file: a.mcap");
         notices.news(Matter::Run, "run 1 begins");
         notices.news(Matter::Run, "run 2 begins");
-        assert_eq!(notices.notices.len(), 2);
+        assert_eq!(notices.shown.len(), 2);
         notices.mended(Matter::Layout);
-        assert_eq!(notices.notices.len(), 2);
+        assert_eq!(notices.shown.len(), 2);
         notices.mended(Matter::Open);
-        assert_eq!(notices.notices[0].text, "run 2 begins");
-        notices.notices[0].until = Some(Instant::now());
+        assert_eq!(notices.shown[0].text, "run 2 begins");
+        notices.shown[0].until = Some(Instant::now());
         assert!(notices.is_empty(None) && !notices.is_empty(Some("the source has ended")));
     }
 }

@@ -164,7 +164,9 @@ impl Opener {
                     let weak = tokens(ui).weak;
                     let icon = if path.ends_with('/') { icons::ICON_FOLDER } else { icons::ICON_DRAFT };
                     let text = (icon.rich_text().color(weak), egui::RichText::new(&path));
-                    let button = ui.add(egui::Button::new(text).truncate().frame(false));
+                    // What is offered changes as the folder is read.
+                    let button = egui::Button::new(text).truncate().frame(false);
+                    let button = widgets::named(ui, &path, |ui| ui.add(button));
                     button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &path));
                     if button.clicked() {
                         if path.ends_with('/') {
@@ -180,7 +182,8 @@ impl Opener {
                     ui.label(egui::RichText::new("Recent").small().color(tokens(ui).weak));
                 }
                 for recent in &self.recent.recordings {
-                    if recent_button(ui, recent).clicked() {
+                    let name = ("recent", &recent.log, &recent.parts);
+                    if widgets::named(ui, name, |ui| recent_button(ui, recent).clicked()) {
                         chosen = Some(Picked::Recent(recent.clone()));
                     }
                 }
@@ -348,6 +351,45 @@ pub(super) fn waiting(ui: &mut egui::Ui, title: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use std::cell::RefCell;
+
+    #[test]
+    fn a_press_in_the_dialog_opens_no_other_recording_that_takes_the_place_of_the_pressed_one() {
+        let of = |names: [&str; 2]| {
+            let recording =
+                |name: &str| Request { log: Some(format!("/logs/{name}").into()), ..Request::default() };
+            names.map(recording).to_vec()
+        };
+        let pressed = Some("b.mcap");
+        let cases =
+            [(["a.mcap", "b.mcap"], pressed), (["b.mcap", "a.mcap"], pressed), (["a.mcap", "c.mcap"], None)];
+        for (then, expected) in cases {
+            let opener = RefCell::new(Opener::new(&egui::Context::default(), None));
+            opener.borrow_mut().recent.recordings = of(["a.mcap", "b.mcap"]);
+            opener.borrow_mut().ask();
+            let picked = RefCell::new(Vec::new());
+            let mut harness = Harness::builder()
+                .with_size(egui::Vec2::new(800.0, 400.0))
+                .with_context_setup(ocu_ui::install)
+                .build_ui(|ui| picked.borrow_mut().extend(opener.borrow_mut().ui(ui)));
+            harness.run_steps(3);
+            let at = harness.get_by_label("b.mcap").rect().center();
+            harness.drag_at(at);
+            harness.step();
+            opener.borrow_mut().recent.recordings = of(then);
+            harness.step();
+            harness.drop_at(at);
+            harness.step();
+            drop(harness);
+            let title = picked.into_inner().into_iter().find_map(|picked| match picked {
+                Picked::Recent(request) => Some(request.title()),
+                Picked::Path(_) => None,
+            });
+            assert_eq!(title.as_deref(), expected, "{then:?}");
+        }
+    }
 
     #[test]
     fn a_panic_while_opening_is_a_failure_with_its_words_and_another_source_can_be_opened() {
@@ -402,7 +444,7 @@ mod tests {
             parts: vec!["/logs/late.mcap".into(), "/logs/last.mcap".into()],
             ..Request::default()
         };
-        recent.add(&Request { seed: 3, ..named.clone() });
+        recent.add(&Request { seed: Some(3), ..named.clone() });
         assert_eq!(Recent::load(Some(file)).recordings, [named]);
     }
 }

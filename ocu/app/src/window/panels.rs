@@ -97,8 +97,8 @@ impl Window {
                         self.notices.error(Matter::Run, error.to_string());
                     }
                 }
-                Wish::LoadParam { process, field, in_force } => {
-                    self.dialogs.load_param = Some(LoadParam::new(process, field, in_force));
+                Wish::LoadParam { process, field } => {
+                    self.dialogs.load_param = Some(LoadParam::new(process, field));
                 }
                 Wish::Show { topic, drawn } => {
                     let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));

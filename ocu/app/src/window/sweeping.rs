@@ -343,7 +343,7 @@ mod tests {
     fn a_sweep_of_a_run_that_began_with_what_an_earlier_one_remembers_says_that_it_does_not() {
         let mut sweeping = Sweeping::new(None);
         assert_eq!(sweeping.state(&base()).what, "truth_driver on meadow");
-        let next = base().remembering(crate::remembered::Remembered::default(), 1);
+        let next = base().remembering(crate::remembered::Remembered::default(), Some(1));
         let what = "truth_driver on meadow, without what earlier runs remember";
         assert_eq!(sweeping.state(&next).what, what);
     }

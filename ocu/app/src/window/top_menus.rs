@@ -75,13 +75,11 @@ pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actio
     let button = bar::menu(ui, form, icons::ICON_ACCOUNT_TREE, &name, |ui| {
         ui.set_min_width(200.0);
         let mut choice =
-            |ui: &mut egui::Ui, stack: Option<&str>, text: &str, missing: Option<&str>, help: &str| {
+            |ui: &mut egui::Ui, stack: Option<&str>, text: &str, unfit: Option<String>, help: &str| {
                 let label = egui::Button::selectable(running == stack, text);
-                let response = ui.add_enabled(missing.is_none(), label).on_hover_text(help);
-                let response = match missing {
-                    Some(topic) => {
-                        response.on_disabled_hover_text(format!("{help}\nThis recording has no {topic}."))
-                    }
+                let response = ui.add_enabled(unfit.is_none(), label).on_hover_text(help);
+                let response = match unfit {
+                    Some(reason) => response.on_disabled_hover_text(format!("{help}\n{reason}")),
                     None => response,
                 };
                 if response.clicked() {
@@ -101,15 +99,28 @@ pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actio
         for (name, stack) in
             stacks::bundled().iter().filter(|(_, stack)| !alone || stack.topics().next().is_none())
         {
-            choice(ui, Some(name), name, missing(stack, frame), stack.description());
+            let unfit = frame.filter(|_| !alone).and_then(|frame| unfit(stack, frame));
+            choice(ui, Some(name), name, unfit, stack.description());
         }
     });
-    button.on_hover_text(format!("The stack that runs: {name}"));
+    let seed = frame.and_then(identity).map_or(String::new(), |run| format!(", with seed {}", run.seed));
+    button.on_hover_text(format!("The stack that runs: {name}{seed}"));
+}
+
+/// Why a stack cannot be chosen on the open recording; `None` if it can. One that reads nothing of a recording can be
+/// chosen on that of its own run, which it repeats.
+fn unfit(stack: &StackFile, frame: &Frame) -> Option<String> {
+    if let Some(topic) = missing(stack, frame) {
+        return Some(format!("This recording has no {topic}."));
+    }
+    let mut runs = frame.topics_of_type("rcs.RunInfo").filter_map(|topic| topic.get::<RunInfo>());
+    let reads = stack.topics().next().is_some() || runs.any(|run| run.stack == stack.name());
+    (!reads).then(|| "It reads nothing of this recording.".to_owned())
 }
 
 /// The first topic that a stack reads and the open recording does not have.
-fn missing<'a>(stack: &'a StackFile, frame: Option<&Frame>) -> Option<&'a str> {
-    let known = &frame?.info.log_topics;
+fn missing<'a>(stack: &'a StackFile, frame: &Frame) -> Option<&'a str> {
+    let known = &frame.info.log_topics;
     stack.topics().find(|topic| !known.contains(*topic))
 }
 
@@ -140,6 +151,7 @@ pub(super) fn course_menu(
             let label = ui.label("Seed");
             ui.add(egui::DragValue::new(&mut seed).speed(0.1)).labelled_by(label.id);
             if ui.button("Start with it").clicked() {
+                let seed = Some(seed);
                 actions.push(TopBarAction::Open(Request { seed, remembered: None, ..current.clone() }));
                 ui.close();
             }
@@ -189,8 +201,8 @@ fn course_of<'a>(current: &'a Request, frame: &'a Frame) -> Option<&'a str> {
 }
 
 /// The seed of the viewed run.
-fn seed_of(current: &Request, frame: &Frame) -> u64 {
-    identity(frame).map_or(current.seed, |run| run.seed)
+pub(super) fn seed_of(current: &Request, frame: &Frame) -> u64 {
+    identity(frame).map_or(current.seed.unwrap_or(0), |run| run.seed)
 }
 
 /// What the viewed run says about itself; `None` for a recording. What it reads can be the recording of another run.
@@ -279,7 +291,9 @@ fn layout_choice(ui: &mut egui::Ui, name: &str, state: &State<'_>, actions: &mut
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rcs_runtime::RecordOptions;
     use rcs_runtime::source::Task;
+    use std::path::Path;
     use std::sync::Arc;
 
     /// A stack that reads a recorded topic under another name.
@@ -309,17 +323,38 @@ inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_st
         let request = Request { log: Some(log), stack, ..Request::default() };
         let frame = stacks::open(&request).unwrap().frame();
         assert!(frame.topic("/localization/local").is_none() && frame.topic("/odometry").is_some());
-        assert_eq!(missing(&stacks::named("sample").unwrap(), Some(&frame)), None);
+        assert_eq!(unfit(&stacks::named("sample").unwrap(), &frame), None);
         let computed = "/vehicle_interface/wheels";
         assert!(frame.topic(computed).is_some());
         let reads = StackFile::parse("b.toml", &RENAMES.replace("/localization/local", computed)).unwrap();
-        assert_eq!(missing(&reads, Some(&frame)), Some(computed));
+        assert_eq!(missing(&reads, &frame), Some(computed));
+    }
+
+    #[test]
+    fn a_stack_that_reads_nothing_of_a_recording_can_be_chosen_on_that_of_its_own_run_only() {
+        let dir = tempfile::tempdir().unwrap();
+        let (log, run) = (dir.path().join("drive.mcap"), dir.path().join("run.mcap"));
+        crate::sample::write(&log, 0.5, false).unwrap();
+        let request = Request { stack: Some("truth_driver".to_owned()), ..Request::default() };
+        let mut source = stacks::open(&request).unwrap();
+        source.record(&run, &RecordOptions { lossless: true, ..RecordOptions::default() }).unwrap();
+        let end = source.info().start.after_ns(500_000_000);
+        source.seek(end, &Task::default()).unwrap();
+        drop(source);
+        let reason = |log: &Path, stack: &str| {
+            let request = Request { log: Some(log.to_owned()), ..Request::default() };
+            let frame = stacks::open(&request).unwrap().frame();
+            unfit(&stacks::named(stack).unwrap(), &frame)
+        };
+        let nothing = Some("It reads nothing of this recording.".to_owned());
+        assert_eq!((reason(&log, "truth_driver"), reason(&log, "sample")), (nothing.clone(), None));
+        assert_eq!((reason(&run, "truth_driver"), reason(&run, "simulation")), (None, nothing));
     }
 
     #[test]
     fn stack_course_and_seed_are_those_of_the_viewed_run() {
         let (stack, course) = (Some("truth_driver".to_owned()), Some("meadow".to_owned()));
-        let request = Request { stack, course, seed: 7, ..Request::default() };
+        let request = Request { stack, course, seed: Some(7), ..Request::default() };
         let mut source = stacks::open(&request).unwrap();
         let second = source.info().start.after_ns(1_000_000_000);
         source.seek(second, &Task::default()).unwrap();

@@ -7,9 +7,11 @@ use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use ocu_views::operator;
 use ocu_views::process_state::silent_s;
+use rcs_msg::Stamp;
 use rcs_msg::rcs::ProcessState;
 use rcs_runtime::VIEWER;
-use rcs_runtime::source::{Frame, SourceKind, Topic};
+use rcs_runtime::source::{Event, Frame, SourceKind, Topic};
+use std::collections::BTreeMap;
 
 /// Who holds the authority after a command of the operator.
 const OPERATOR: &str = "operator";
@@ -118,25 +120,18 @@ pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &F
     ui.visuals_mut().override_text_color = Some(tokens(ui).error);
     bar::menu(ui, form, icons::ICON_NOTIFICATIONS, &text, |ui| {
         ui.set_max_width(480.0);
-        for event in &errors {
-            let time = format::elapsed(event.stamp.seconds_since(frame.info.start));
-            let line = format!("{time}  {}: {}", event.source, event.text);
-            if alarm_line(ui, &line) {
-                actions.push(TopBarAction::Seek(event.stamp));
-                ui.close();
-            }
-        }
-        ui.separator();
-        if ui.button("Acknowledge all").clicked() {
-            actions.push(TopBarAction::Acknowledge(errors[0].stamp));
+        if let Some(action) = alarm_list(ui, &errors, frame.info.start) {
+            actions.push(action);
             ui.close();
         }
+        ui.separator();
         for (command, on) in
             [(Command::Silence, None), (Command::AlarmSound, Some(state.alarm_sound.is_on()))]
         {
             let Some(entry) = entry_of(command) else { continue };
             let button = egui::Button::selectable(on == Some(true), entry.name);
-            if ui.add(button.shortcut_text(state.keymap.text(command))).clicked() {
+            let button = button.shortcut_text(state.keymap.text(command));
+            if widgets::named(ui, entry.name, |ui| ui.add(button).clicked()) {
                 actions.push(TopBarAction::Run(command));
             }
         }
@@ -145,6 +140,31 @@ pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &F
             ui.label(egui::RichText::new(text).small().color(tokens(ui).weak));
         }
     });
+}
+
+/// The button that acknowledges, and the alarms, the latest first. The button is above them, where it does not move when
+/// another one comes.
+fn alarm_list(ui: &mut egui::Ui, errors: &[Event], start: Stamp) -> Option<TopBarAction> {
+    let latest = errors.first()?.stamp;
+    let mut action = None;
+    let button = ui.button("Acknowledge all");
+    // One that comes after the press has not been seen.
+    let seen_until = widgets::as_pressed(&button, latest);
+    if button.clicked() {
+        action = Some(TopBarAction::Acknowledge(seen_until));
+    }
+    ui.separator();
+    let mut names = BTreeMap::new();
+    for event in errors {
+        let time = format::elapsed(event.stamp.seconds_since(start));
+        let line = format!("{time}  {}: {}", event.source, event.text);
+        let name = (event.stamp, &event.source, &event.text);
+        let count = widgets::nth(&mut names, name);
+        if widgets::named(ui, (name, count), |ui| alarm_line(ui, &line)) {
+            action = Some(TopBarAction::Seek(event.stamp));
+        }
+    }
+    action
 }
 
 /// A line of the list of alarms; resting on it shows all of it. Returns whether it is clicked.
@@ -220,8 +240,9 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
     use rcs_bus::{Header, Sample, WriterId};
     use rcs_msg::rcs::{self, ProcessInfo, Status};
-    use rcs_msg::{AnyMessage, Stamp, schema_of};
-    use rcs_runtime::source::{RunTag, Source, Task};
+    use rcs_msg::{AnyMessage, schema_of};
+    use rcs_runtime::source::{EventKind, EventLevel, RunTag, Source, Task};
+    use std::cell::RefCell;
     use std::sync::Arc;
 
     fn shown<'a>(add: impl FnMut(&mut egui::Ui) + 'a) -> Harness<'a> {
@@ -281,6 +302,54 @@ mod tests {
         harness.hover_at(button.center());
         harness.run_steps(8);
         assert_eq!(harness.query_all_by_label(&line).count(), 2, "the line, and its help");
+    }
+
+    /// Presses what has a label in a list of alarms at these seconds, then shows another list, and releases.
+    fn pressed(first: &[u64], label: &str, then: &[u64]) -> Option<TopBarAction> {
+        let of = |at_s: &[u64]| -> Vec<Event> {
+            let alarm = |&at_s: &u64| Event {
+                stamp: Stamp(at_s * 1_000_000_000),
+                kind: EventKind::Error,
+                level: EventLevel::Error,
+                source: "planner".into(),
+                text: format!("fault {at_s}").into(),
+            };
+            at_s.iter().map(alarm).collect()
+        };
+        let (alarms, asked) = (RefCell::new(of(first)), RefCell::new(None));
+        let mut harness = shown(|ui| {
+            if let Some(action) = alarm_list(ui, &alarms.borrow(), Stamp(0)) {
+                *asked.borrow_mut() = Some(action);
+            }
+        });
+        let at = harness.get_by_label_contains(label).rect().center();
+        harness.drag_at(at);
+        harness.step();
+        *alarms.borrow_mut() = of(then);
+        harness.step();
+        harness.drop_at(at);
+        harness.step();
+        drop(harness);
+        asked.into_inner()
+    }
+
+    #[test]
+    fn a_press_acknowledges_the_alarms_that_were_shown_and_not_one_that_comes_before_the_release() {
+        for then in [&[3, 2][..], &[9, 3, 2]] {
+            let Some(TopBarAction::Acknowledge(until)) = pressed(&[3, 2], "Acknowledge all", then) else {
+                panic!("nothing is acknowledged")
+            };
+            assert_eq!(until, Stamp(3_000_000_000), "{then:?}");
+        }
+    }
+
+    #[test]
+    fn a_press_on_an_alarm_goes_to_no_other_one_that_takes_its_place() {
+        for then in [&[3][..], &[9, 3, 2]] {
+            let Some(TopBarAction::Seek(at)) = pressed(&[3, 2], "fault 3", then) else { panic!("nowhere") };
+            assert_eq!(at, Stamp(3_000_000_000), "{then:?}");
+        }
+        assert!(pressed(&[3, 2], "fault 3", &[9, 2]).is_none());
     }
 
     #[test]

@@ -77,7 +77,10 @@ pub(super) fn ui(
         } else {
             (icons::ICON_PLAY_ARROW, "Play", Control::Play)
         };
-        if bar::tool_of(ui, form, icon, name, playback.playing, true).clicked() {
+        let button = bar::tool_of(ui, form, icon, name, playback.playing, true);
+        // Where playing ends by itself while the mouse is pressed, a press on Pause does not play on.
+        let is_meant = widgets::as_pressed(&button, playback.playing) == playback.playing;
+        if button.clicked() && is_meant {
             acts.controls.push(control);
         }
     });
@@ -283,6 +286,40 @@ fn state<'a>(bar: &mut Bar<'a, Acts<'_>>, frame: &'a Frame) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use rcs_msg::Stamp;
+    use std::cell::{Cell, RefCell};
+    use std::sync::Arc;
+
+    #[test]
+    fn a_press_on_pause_does_not_play_where_playing_ends_before_the_release() {
+        for (then, expected) in [(true, 1), (false, 0)] {
+            let (playing, asked) = (Cell::new(true), RefCell::new(Vec::<Control>::new()));
+            let mut harness = Harness::builder()
+                .with_size(egui::Vec2::new(900.0, 60.0))
+                .with_context_setup(ocu_ui::install)
+                .build_ui(|ui| {
+                    let mut frame = Frame::empty(Arc::default(), Stamp(0));
+                    frame.playback.playing = playing.get();
+                    let (mut unit, mut marks) = (Unit::Time(100), Bookmarks::default());
+                    let mut controls = asked.borrow_mut();
+                    super::ui(ui, &frame, &mut unit, false, None, &mut marks, &mut controls);
+                });
+            harness.run_steps(3);
+            let at = harness.get_by_label("Pause").rect().center();
+            harness.drag_at(at);
+            harness.step();
+            playing.set(then);
+            harness.step();
+            harness.drop_at(at);
+            harness.step();
+            drop(harness);
+            let asked = asked.into_inner();
+            assert_eq!(asked.len(), expected, "{asked:?}");
+            assert!(asked.iter().all(|control| matches!(control, Control::Pause)), "{asked:?}");
+        }
+    }
 
     #[test]
     fn a_unit_is_found_by_words_of_its_text_in_any_order() {

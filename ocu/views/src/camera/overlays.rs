@@ -6,8 +6,9 @@ use crate::image::{DecodedImage, Pixels};
 use crate::view::rate_hz;
 use egui::{Role, Ui, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
-use ocu_ui::{icons, tokens};
+use ocu_ui::{icons, tokens, widgets};
 use rcs_runtime::source::Topic;
+use std::collections::BTreeSet;
 
 /// How an overlay of an image is shown.
 pub(super) struct OverlayState {
@@ -45,19 +46,23 @@ impl Camera {
         if overlays.is_empty() && projected.is_empty() && !whole {
             return;
         }
+        // A recorded topic and the one that a stack computes have one name, and one switch.
+        let mut names = BTreeSet::new();
+        let overlays: Vec<&Overlay<'_>> =
+            overlays.iter().filter(|overlay| names.insert(&*overlay.topic.name)).collect();
         // Overlays that do not fit in the row, and ground truth, are listed in a menu.
         let truth = overlays.iter().any(|overlay| overlay.topic.is_ground_truth());
         let mut bar: Bar<'_, Self> = Bar::new("overlays");
         bar.left("overlays", Fit::Shrinks, |ui, form, view| {
             if form == Form::Full && !truth {
-                for overlay in overlays {
+                for overlay in &overlays {
                     view.overlay_switch(ui, overlay);
                 }
                 for what in projected {
                     view.projected_switch(ui, *what);
                 }
             } else {
-                view.overlay_menu(ui, form, overlays, projected);
+                view.overlay_menu(ui, form, &overlays, projected);
             }
         });
         bar.left("behind", Fit::Leaves(20), |ui, _, view| {
@@ -72,7 +77,7 @@ impl Camera {
     }
 
     /// All overlays in a menu, with ground truth at the end; the button names those that are on.
-    fn overlay_menu(&mut self, ui: &mut Ui, form: Form, overlays: &[Overlay<'_>], projected: &[Projected]) {
+    fn overlay_menu(&mut self, ui: &mut Ui, form: Form, overlays: &[&Overlay<'_>], projected: &[Projected]) {
         let topics = overlays.iter().filter(|overlay| self.overlay_state(overlay).shown);
         let others = projected.iter().filter(|what| self.projected_state(**what).shown);
         let on: Vec<&str> =
@@ -124,13 +129,19 @@ impl Camera {
         let before = self.saved.overlays.get(key).copied().unwrap_or_default();
         let mut saved = before;
         let mut shown = saved.shown.unwrap_or(is_usual);
-        if ui.checkbox(&mut shown, name).on_hover_text("Show this overlay").changed() {
+        // Those before it come and go with their topics. A name is not broken into lines in a cell of the menu.
+        let checkbox = |ui: &mut Ui| {
+            ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
+            ui.checkbox(&mut shown, name)
+        };
+        let checkbox = widgets::named(ui, (key, "shown"), checkbox);
+        if checkbox.on_hover_text("Show this overlay").changed() {
             saved.shown = (shown != is_usual).then_some(shown);
         }
         let slider = egui::Slider::new(&mut saved.opacity, 0.0..=1.0)
             .custom_formatter(|v, _| format!("{:3.0} %", v * 100.0))
             .custom_parser(|text| text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0));
-        let response = ui.add_enabled(shown, slider);
+        let response = widgets::named(ui, (key, "opacity"), |ui| ui.add_enabled(shown, slider));
         let name = format!("Opacity of {name}");
         response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
         response.on_hover_text(name);
@@ -154,7 +165,7 @@ impl Camera {
 }
 
 /// Number of overlays before those of ground truth, which are the last ones.
-fn own(overlays: &[Overlay<'_>]) -> usize {
+fn own(overlays: &[&Overlay<'_>]) -> usize {
     overlays.iter().position(|overlay| overlay.topic.is_ground_truth()).unwrap_or(overlays.len())
 }
 

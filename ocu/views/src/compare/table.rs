@@ -11,6 +11,8 @@ const ROW: f32 = 20.0;
 const GAP: f32 = 8.0;
 /// Width of the column with the time.
 const TIME: f32 = 96.0;
+/// Number of characters before the first difference of two values that are shown where these are cut at their beginning.
+const BEFORE: usize = 3;
 
 /// Columns after the time, with the least width of the table in which each is shown, and its share of the room.
 const COLUMNS: [(&str, f32, f32); 5] = [
@@ -102,7 +104,10 @@ fn header(ui: &mut Ui, names: &[String; 2]) {
 fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, difference: &Difference) {
     let tokens = tokens(ui);
     let frame = cx.frame;
-    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
+    // Rows are sorted by time, and others come while the sides are compared.
+    let size = Vec2::new(ui.available_width(), ROW);
+    let (rect, response) =
+        widgets::named(ui, &difference.buffer, |ui| ui.allocate_exact_size(size, Sense::click()));
     let (time, columns) = places(rect);
     let key = TopicKey::shown(difference.buffer.clone());
     let is_selected = cx.selection.topic.as_ref() == Some(&key);
@@ -136,6 +141,9 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, differenc
     let ink = if difference.time > frame.now { tokens.weak } else { tokens.text };
     widgets::cell(ui, time, Align::Min, &at, font(), ink);
     let field = difference.field.trim_start_matches('.');
+    let room = columns[3].map_or(0.0, |place| place.width());
+    let digit = ui.painter().layout_no_wrap("0".to_owned(), font(), ink).size().x;
+    let [first, second] = &told_apart([first, second], (room / digit) as usize);
     let value = |text: &str| if text.is_empty() { "–".to_owned() } else { text.to_owned() };
     let cells = [difference.buffer.clone(), writer.to_owned(), field.to_owned(), value(first), value(second)];
     for (index, (text, place)) in cells.iter().zip(columns).enumerate() {
@@ -177,4 +185,31 @@ fn field_key(side: Compared, difference: &Difference) -> Option<FieldKey> {
     };
     let path = difference.field.strip_prefix('.')?.parse().ok()?;
     Some(FieldKey { topic: TopicKey { name: difference.buffer.clone(), run }, path })
+}
+
+/// Both values as they are shown where `most` characters of each have room. Where the first difference would be cut off,
+/// they are cut at their beginning, which is the same.
+fn told_apart(values: [&str; 2], most: usize) -> [String; 2] {
+    let [one, other] = values;
+    let alike = one.chars().zip(other.chars()).take_while(|(a, b)| a == b).count();
+    let is_cut = values.iter().any(|value| value.chars().count() > most);
+    // A text that is cut ends with dots, which take the place of a character.
+    let skipped = if is_cut && alike + 1 >= most { alike.saturating_sub(BEFORE) } else { 0 };
+    let dots = if skipped > 0 { "…" } else { "" };
+    values.map(|value| dots.chars().chain(value.chars().skip(skipped)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::told_apart;
+
+    #[test]
+    fn two_values_show_the_digit_by_which_they_differ_however_little_room_they_have() {
+        let values = ["8.123456789012345", "8.123456789012347"];
+        assert_eq!(told_apart(values, 17), values);
+        assert_eq!(told_apart(values, 16), ["…2345", "…2347"]);
+        let values = ["8.123456789", "8.25"];
+        assert_eq!(told_apart(values, 6), values, "the digit is seen without their ends");
+        assert_eq!(told_apart(["", "8.25"], 3), ["", "8.25"]);
+    }
 }

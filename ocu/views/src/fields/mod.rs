@@ -330,7 +330,9 @@ fn tree(
                 Some(true) => 0.0,
                 _ => flashes.of(&row.key, &row.text, ui.input(|input| input.time)),
             };
-            let response = paint_row(ui, row, name_width, mark, flash);
+            // Rows move when a list before them becomes longer, and the topic may be another one.
+            let response =
+                widgets::named(ui, (slot, &row.key), |ui| paint_row(ui, row, name_width, mark, flash));
             if response.clicked() && row.open.is_some() && !saved.open.remove(&row.key) {
                 saved.open.insert(row.key.clone());
             }

@@ -3,7 +3,7 @@
 use crate::edit;
 use crate::view::ViewContext;
 use egui::{Button, RichText, Ui};
-use ocu_ui::tokens;
+use ocu_ui::{tokens, widgets};
 use rcs_msg::rcs::fault::Kind;
 use rcs_msg::rcs::{Fault, OverrideInForce, ProcessInfo};
 use rcs_runtime::source::{Control, SourceKind};
@@ -42,19 +42,22 @@ pub(super) fn menu(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo,
             continue;
         }
         let text = RichText::new(format!("End: {}", held.fault)).color(tokens(ui).warning);
-        if ui.add_enabled(refused.is_none(), Button::new(text)).clicked() {
+        let button = |ui: &mut Ui| ui.add_enabled(refused.is_none(), Button::new(text)).clicked();
+        // One that ends while the mouse is pressed moves those after it.
+        if widgets::named(ui, held.id, button) {
             control = edit::release(cx.frame, Some(held.id));
         }
     }
     let is_stack = cx.frame.info.kind != SourceKind::Log;
-    ui.add_enabled_ui(refused.is_none() && is_stack, |ui| {
-        ui.menu_button("Fault on demand", |ui| {
-            for (name, help, fault) in choices() {
-                if ui.button(name).on_hover_text(help).clicked() {
-                    control = edit::fault(cx.frame, &process.name, fault);
-                }
+    let faults = |ui: &mut Ui| {
+        for (name, help, fault) in choices() {
+            if ui.button(name).on_hover_text(help).clicked() {
+                control = edit::fault(cx.frame, &process.name, fault);
             }
-        });
+        }
+    };
+    widgets::named(ui, "faults", |ui| {
+        ui.add_enabled_ui(refused.is_none() && is_stack, |ui| ui.menu_button("Fault on demand", faults));
     });
     if let Some(control) = control {
         cx.controls.push(control);

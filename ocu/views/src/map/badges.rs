@@ -47,11 +47,11 @@ impl Map {
         }
     }
 
-    /// Which maps are shown with weights that are being edited; `None` for none.
+    /// Which maps are shown with other weights than those with which they were fused; `None` for none.
     fn preview_text(&self, shown: &[&Layer<'_>]) -> Option<String> {
         let previewed = shown.iter().filter(|layer| self.edited_weights(layer).is_some());
         let names: Vec<&str> = previewed.map(|layer| layer.name.as_str()).collect();
-        (!names.is_empty()).then(|| format!("preview of {}: edited weights, not sent", names.join(", ")))
+        self.preview.as_ref().filter(|_| !names.is_empty()).map(|edited| edited.text(&names))
     }
 }
 
@@ -59,20 +59,17 @@ impl Map {
 mod tests {
     use super::*;
     use crate::map::LayerState;
+    use crate::map::preview::Edited;
     use crate::samples;
-    use crate::view::{Preview, Selection, View, ViewContext};
+    use crate::view::{Selection, View, ViewContext};
     use egui::Vec2;
     use egui_kittest::Harness;
-    use rcs_msg::AnyMessage;
     use rcs_msg::foxglove::{Grid, Vector2};
-    use rcs_msg::rcs::SpeedLimit;
     use rcs_world::{Source, Weights};
 
     /// A preview of the map of `wm1` in which stereo, its only source, has no weight.
-    fn preview() -> (Preview, Weights) {
-        // Any message will do: the weights are read already.
-        let params = AnyMessage::new(SpeedLimit { max_speed_mps: 1.0 });
-        (Preview { process: "wm1".into(), params }, Weights::default().with(Source::STEREO, 0.0))
+    fn preview() -> Edited {
+        Edited::of_wm1(Weights::default().with(Source::STEREO, 0.0), Weights::default())
     }
 
     /// A drive with another grid, with cells of this side, on a part of the map of `wm1`.
@@ -100,16 +97,21 @@ mod tests {
         let text = map.preview_text(&shown);
         assert_eq!(text.as_deref(), Some("preview of /wm1/map: edited weights, not sent"));
         assert_eq!(top(&map).as_deref(), Some("/wm1/map"));
+        let mut sent = preview();
+        sent.preview.is_sent = true;
+        map.preview = Some(sent);
+        let text = map.preview_text(&shown);
+        assert_eq!(text.as_deref(), Some("preview of /wm1/map: weights sent, in force from the next map"));
     }
 
     #[test]
     fn what_edited_weights_take_away_is_not_seen_on_a_coarser_grid_below() {
         let picture = |is_shown: bool| {
-            let (preview, weights) = preview();
+            let edited = preview();
             let mut selection = Selection::default();
-            selection.preview.set(&std::sync::Arc::new(()), preview.clone());
+            selection.preview.set(&std::sync::Arc::new(()), edited.preview.clone());
             selection.preview.turn();
-            let mut map = Map { preview: Some((preview, weights)), ..Map::default() };
+            let mut map = Map { preview: Some(edited), ..Map::default() };
             let other = LayerState { shown: is_shown, ..LayerState::default() };
             map.saved.layers.insert("/other".to_owned(), other);
             let mut harness = Harness::builder()

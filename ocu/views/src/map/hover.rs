@@ -7,7 +7,7 @@ use super::layers::{self, Kind, Layer};
 use super::plan;
 use crate::canvas::Viewport;
 use crate::view::{Hover, HoverPoint, TopicKey, ViewContext};
-use egui::{Align2, Pos2, Rect, Response, Stroke, Ui, Vec2};
+use egui::{Align, Align2, Pos2, Rect, Response, Stroke, Ui, Vec2};
 use ocu_ui::widgets::{icon_button, mono};
 use ocu_ui::{icons, legend, tokens};
 use rcs_geom::{DVec3, Utm};
@@ -111,7 +111,7 @@ impl Map {
         let (corner, place) = if draws {
             (Align2::RIGHT_BOTTOM, canvas)
         } else {
-            corner_for(canvas, at, self.read_out_size, self.legend.is_some())
+            corner_for(canvas, at, self.read_out_size, self.legend)
         };
         let clip = ui.clip_rect();
         ui.set_clip_rect(clip.intersect(canvas));
@@ -120,7 +120,7 @@ impl Map {
             ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Wrap);
             ui.set_max_width((place.width() - PLATE.x).max(1.0));
             let mut room = room_at(ui, place, canvas);
-            let closes = self.position(ui, &mut room, map, shown, position);
+            let closes = self.position(ui, &mut room, map, position);
             let wanted = if draws { None } else { self.contents(ui, &mut room, frame, map, shown, position) };
             Clicks { closes, wanted }
         });
@@ -138,14 +138,7 @@ impl Map {
     }
 
     /// The coordinates of a place; returns whether the kept cell is to be closed.
-    fn position(
-        &self,
-        ui: &mut Ui,
-        room: &mut Room,
-        map: &str,
-        shown: &[&Layer<'_>],
-        [x, y]: [f64; 2],
-    ) -> bool {
+    fn position(&self, ui: &mut Ui, room: &mut Room, map: &str, [x, y]: [f64; 2]) -> bool {
         let mut closes = false;
         // The button is higher than a line.
         room.take(if self.kept.is_some() { 2 } else { 1 });
@@ -164,7 +157,7 @@ impl Map {
         if room.lines < LINES_OF_A_CELL {
             return closes;
         }
-        if let Some((place, is_exact)) = self.tracks.geodetic(shown, map, [x, y]) {
+        if let Some((place, is_exact)) = self.tracks.geodetic(map, [x, y]) {
             let about = if is_exact { "" } else { "≈ " };
             let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
             room.write(ui, &format!("{about}{latitude:11.6}°  {longitude:11.6}°"));
@@ -188,7 +181,7 @@ impl Map {
     ) -> Option<(&'f Topic, u64)> {
         let (is_kept, found) = (self.kept.is_some(), cells_at(frame, map, shown, position));
         let contents = found.iter().map(|(layer, cells, cell)| {
-            let edited = self.edited_weights(layer).cloned();
+            let edited = self.edited_weights(layer);
             let is_edited = edited.is_some();
             let weights = edited.or_else(|| super::cell::weights(frame, layer));
             Content { frame, cells, cell: *cell, weights, is_edited }
@@ -234,24 +227,24 @@ fn room_at(ui: &Ui, place: Rect, canvas: Rect) -> Room {
     }
 }
 
-/// The corner for a read-out that was of this size, and the part of the canvas in which it lies there. It does not lie
-/// over the place that it tells of, nor over the scale bar or the legend.
-fn corner_for(canvas: Rect, at: Pos2, size: Vec2, has_legend: bool) -> (Align2, Rect) {
-    let is_below = at.y > canvas.center().y;
-    let top = if is_below && canvas.height() >= LOW { BELOW_SCALE } else { 0.0 };
-    let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, top), canvas.max);
-    let (right, left) = if is_below {
-        (Align2::RIGHT_TOP, Align2::LEFT_TOP)
-    } else {
-        (Align2::RIGHT_BOTTOM, Align2::LEFT_BOTTOM)
-    };
-    let covers = |corner: Align2| {
+/// The corner for a read-out that was of this size, and the part of the canvas in which it lies there, below the scale bar.
+/// It lies neither over the place that it tells of nor over the legend; where no corner is free of both, it may lie over the
+/// legend. Corners in the other half of the map are tried first.
+fn corner_for(canvas: Rect, at: Pos2, size: Vec2, legend: Option<Rect>) -> (Align2, Rect) {
+    let top = [Align2::RIGHT_TOP, Align2::LEFT_TOP];
+    let bottom = [Align2::RIGHT_BOTTOM, Align2::LEFT_BOTTOM];
+    let corners = if at.y > canvas.center().y { [top, bottom] } else { [bottom, top] };
+    let placed = corners.as_flattened().iter().map(|corner| {
+        let is_below_scale = corner.y() == Align::Min && canvas.height() >= LOW;
+        let below = if is_below_scale { BELOW_SCALE } else { 0.0 };
+        let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, below), canvas.max);
         let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
-        plate.expand(AWAY).contains(at)
-    };
-    let left_is_free = is_below || !has_legend;
-    let corner = if left_is_free && covers(right) && !covers(left) { left } else { right };
-    (corner, place)
+        let covers = plate.expand(AWAY).contains(at);
+        let covers_legend = legend.is_some_and(|legend| legend.intersects(plate));
+        ((covers, covers_legend), (*corner, place))
+    });
+    // The first of several equal ones.
+    placed.min_by_key(|(covered, _)| *covered).map_or((Align2::RIGHT_BOTTOM, canvas), |(_, place)| place)
 }
 
 /// An MGRS text with blanks between square, easting and northing.
@@ -326,11 +319,23 @@ mod tests {
             [[150.0, 60.0], [690.0, 60.0], [690.0, 240.0], [690.0, 260.0], [110.0, 440.0], [690.0, 440.0]]
         {
             let at = Pos2::from(at);
-            let (corner, place) = corner_for(canvas, at, size, false);
+            let (corner, place) = corner_for(canvas, at, size, None);
             let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
             assert!(canvas.contains_rect(plate) && !plate.contains(at), "{at}: {plate}");
         }
-        let beside_the_legend = corner_for(canvas, Pos2::new(690.0, 240.0), size, true);
-        assert_eq!(beside_the_legend.0, Align2::RIGHT_BOTTOM);
+    }
+
+    #[test]
+    fn a_read_out_covers_neither_its_cell_nor_the_legend_while_a_corner_is_free() {
+        let canvas = Rect::from_min_size(Pos2::new(100.0, 50.0), Vec2::new(600.0, 400.0));
+        let legend = Rect::from_min_max(Pos2::new(108.0, 402.0), Pos2::new(350.0, 442.0));
+        let size = Vec2::new(280.0, 250.0);
+        let at = Pos2::new(690.0, 240.0);
+        let (corner, place) = corner_for(canvas, at, size, Some(legend));
+        let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
+        assert!(!plate.contains(at) && !plate.intersects(legend), "{plate}");
+        // A plate that is as high as the map lies over the legend rather than over the cell.
+        let high = Vec2::new(280.0, 380.0);
+        assert_eq!(corner_for(canvas, at, high, Some(legend)).0, Align2::LEFT_BOTTOM);
     }
 }

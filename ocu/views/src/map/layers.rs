@@ -60,6 +60,8 @@ pub(super) struct Layer<'a> {
     pub(super) stamp: Stamp,
     /// The topic; a track may exist without one.
     pub(super) topic: Option<&'a Topic>,
+    /// Whether it was recorded, and the run has computed a message of the same topic; never of a track.
+    pub(super) is_twin: bool,
 }
 
 impl Layer<'_> {
@@ -100,6 +102,12 @@ impl Layer<'_> {
     }
 }
 
+/// Whether the run has computed a message of the topic with this name.
+fn is_computed(frame: &Frame, name: &str) -> bool {
+    let mut named = frame.topics.iter().filter(|topic| *topic.name == *name);
+    named.any(|topic| !topic.run.is_recorded() && topic.latest.is_some())
+}
+
 /// Whether the topic contains a goal, whose positions are not a track.
 fn is_goal(topic: &Topic) -> bool {
     topic.role() == Some(Role::Goal) && topic.type_name() == "foxglove.PoseInFrame"
@@ -118,7 +126,8 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
         let Some(sample) = &topic.latest else { continue };
         let layer_at = |kind, frame_id, stamp| {
             let name = crate::toolbar::topic_label(frame, topic);
-            Layer { name, kind, frame_id: frame_name(frame_id), stamp, topic: Some(topic) }
+            let is_twin = topic.run.is_recorded() && is_computed(frame, &topic.name);
+            Layer { name, kind, frame_id: frame_name(frame_id), stamp, topic: Some(topic), is_twin }
         };
         let layer = |kind, frame_id| {
             let acquired = topic.acq_time().unwrap_or(sample.header.acq_time);
@@ -213,7 +222,9 @@ fn tracks(frame: &Frame) -> Vec<Layer<'_>> {
         };
         let kind = Kind::Track { track, is_ghost };
         let stamp = frame.transform_time(frame.now);
-        layers.push(Layer { name, kind, frame_id: &track.frame_id, stamp, topic });
+        // A recorded track is compared with that of the run, and hides nothing.
+        let is_twin = false;
+        layers.push(Layer { name, kind, frame_id: &track.frame_id, stamp, topic, is_twin });
     }
     layers.sort_by_key(|layer| !matches!(layer.kind, Kind::Track { is_ghost: true, .. }));
     layers
@@ -293,6 +304,8 @@ pub(super) struct PlacedTrack {
     pub(super) error: Option<String>,
     /// Which of its positions are plausible.
     pub(super) judged: Judged,
+    /// Local frame of its positions, if it is a geodetic one that is no ghost of another run.
+    enu: Option<Enu>,
     aligned: Aligned,
 }
 
@@ -328,6 +341,7 @@ impl Tracks {
             let map_from_origin = self.map_from_origin(track);
             let placed = self.placed.entry(layer.name.clone()).or_default();
             placed.judged.update(&track.points);
+            placed.enu = track.origin.filter(|_| matches!(layer.kind, Kind::Track { is_ghost: false, .. }));
             (placed.alignment, placed.error) = (None, pose.as_ref().err().cloned());
             placed.map_from_track = pose.as_ref().ok().map(|&pose| pose * map_from_origin);
         }
@@ -369,22 +383,15 @@ impl Tracks {
         found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, time)| time)
     }
 
-    /// Latitude and longitude of a point of the map, from a geodetic track; and whether that lies on the map by its
-    /// transform rather than by an alignment. `None` where no such track lies on the map.
-    pub(super) fn geodetic(
-        &self,
-        shown: &[&Layer<'_>],
-        map: &str,
-        [x, y]: [f64; 2],
-    ) -> Option<(Geodetic, bool)> {
+    /// Latitude and longitude of a point of the map, from a geodetic track, shown or not; and whether that lies on the map by
+    /// its transform rather than by an alignment. `None` where no such track lies on the map.
+    pub(super) fn geodetic(&self, map: &str, [x, y]: [f64; 2]) -> Option<(Geodetic, bool)> {
         let p = DVec3::new(x, y, 0.0);
         if let Some(enu) = self.enu.as_ref().filter(|_| map == WGS84) {
             return Some((enu.geodetic_from_enu(p), true));
         }
-        let found = shown.iter().filter_map(|layer| {
-            let Kind::Track { track, is_ghost: false } = layer.kind else { return None };
-            let placed = self.placed.get(&layer.name)?;
-            let place = track.origin?.geodetic_from_enu(placed.map_from_track?.inverse() * p);
+        let found = self.placed.values().filter_map(|placed| {
+            let place = placed.enu?.geodetic_from_enu(placed.map_from_track?.inverse() * p);
             Some((place, placed.alignment.is_none()))
         });
         found.max_by_key(|(_, is_exact)| *is_exact)
@@ -420,7 +427,9 @@ impl Tracks {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::map::Map;
     use crate::samples;
+    use crate::view::View;
     use rcs_geom::TransformTree;
     use rcs_msg::{MessageEncoding, Schema};
 
@@ -454,6 +463,29 @@ mod tests {
         let count = |topic| layers(&Frame { topics: Arc::new([topic]), ..samples::empty() }).len();
         assert_eq!(count(grid(0)), 0);
         assert_eq!(count(grid(5)), 1, "a grid that lacks its data is shown as faulty");
+    }
+
+    #[test]
+    fn a_recorded_layer_that_the_run_computes_is_offered_and_off() {
+        let mut frame = samples::driving();
+        frame.tracks = Arc::new([]);
+        let of_run = frame.topic("/wm1/map").unwrap().clone();
+        let mut recorded = of_run.clone();
+        recorded.run = RunTag::Recorded;
+        let shown = |map: &Map, of_run: &Topic| {
+            let topics = Arc::new([recorded.clone(), of_run.clone()]);
+            let frame = Frame { topics, ..frame.clone() };
+            let layers = layers(&frame);
+            let shown = layers.iter().filter(|layer| map.state(layer).shown);
+            (layers.len(), shown.map(|layer| layer.name.clone()).collect::<Vec<_>>())
+        };
+        let mut map = Map::default();
+        assert_eq!(shown(&map, &of_run), (2, vec!["/wm1/map".to_owned()]));
+        // Before the run has made a map, the recorded one is all there is.
+        let nothing = Topic::new("/wm1/map", RunTag::FIRST, Arc::clone(&of_run.schema));
+        assert_eq!(shown(&map, &nothing), (1, vec!["/wm1/map (recorded)".to_owned()]));
+        map.drop_topic(&recorded);
+        assert_eq!(shown(&map, &of_run).1.len(), 2, "it was asked for");
     }
 
     #[test]

@@ -22,6 +22,7 @@ mod paint;
 mod panel;
 mod picture;
 mod plan;
+mod preview;
 mod robot;
 mod toolbar;
 mod track;
@@ -42,10 +43,11 @@ use layers::{Kind, Layer, Tracks};
 use ocu_ui::legend::{self, round_step};
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, tokens, widgets};
+use preview::Edited;
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, SourceKind, Topic, WGS84};
-use rcs_world::{Weights, weights_of};
+use rcs_world::Weights;
 use robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -144,8 +146,8 @@ pub(crate) struct Map {
     frame_id: String,
     /// Whether the layers in the previous pass contained a fused map.
     fused: bool,
-    /// A process, and fusion weights of it that are being edited.
-    preview: Option<(Preview, Weights)>,
+    /// Parameters that count in no map yet.
+    preview: Option<Edited>,
     /// The values at the ends of the colour scales of grids in this pass, by layer.
     ranges: BTreeMap<String, [f64; 2]>,
 }
@@ -163,7 +165,11 @@ impl View for Map {
     }
 
     fn drop_topic(&mut self, topic: &Topic) {
-        self.saved.layers.entry(topic.name.to_string()).or_default().shown = true;
+        // Beside a computed topic of the same name, a layer that was recorded has a name of its own.
+        let recorded = topic.run.is_recorded().then(|| crate::toolbar::recorded_label(&topic.name));
+        for name in recorded.into_iter().chain([topic.name.to_string()]) {
+            self.saved.layers.entry(name).or_default().shown = true;
+        }
     }
 
     fn save(&self) -> SavedState {
@@ -190,7 +196,7 @@ impl View for Map {
         self.take_example(cx, map);
         self.take_draft(cx, map);
         self.fused = layers.iter().any(Layer::is_map);
-        self.follow_preview(cx.selection.preview.get());
+        self.follow_preview(cx.selection.preview.get().filter(|preview| preview::holds(preview, cx.frame)));
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
         let visible = layers.iter().filter(|layer| self.state(layer).shown);
         let on_map =
@@ -222,18 +228,16 @@ impl Map {
         map.clone_into(&mut self.frame_id);
     }
 
-    /// Takes the fusion weights that are being edited, if they changed.
+    /// Takes the parameters that are being edited, or were sent, if they changed.
     fn follow_preview(&mut self, preview: Option<&Preview>) {
-        if self.preview.as_ref().map(|(known, _)| known) != preview {
-            self.preview = preview.and_then(|preview| Some((preview.clone(), weights_of(&preview.params)?)));
+        if self.preview.as_ref().map(|edited| &edited.preview) != preview {
+            self.preview = preview.map(Edited::of);
         }
     }
 
-    /// The weights that are being edited of the process that writes a layer.
-    fn edited_weights(&self, layer: &Layer<'_>) -> Option<&Weights> {
-        let (preview, weights) = self.preview.as_ref()?;
-        let writer = &layer.topic?.writer;
-        (layer.is_map() && *writer == preview.process).then_some(weights)
+    /// The weights with which a layer is shown instead of those with which it was fused.
+    fn edited_weights(&self, layer: &Layer<'_>) -> Option<Weights> {
+        self.preview.as_ref()?.weights_for(layer)
     }
 
     /// Visible layers from bottom to top: a map with edited weights lies above the other grids, so that their effect is
@@ -247,10 +251,11 @@ impl Map {
         layers
     }
 
-    /// Settings of a layer. Initially ground truth is off, and so are the sources of a fused map. The track of an
-    /// earlier run is shown where that of the viewed run is.
+    /// Settings of a layer. Initially ground truth is off, and so are the sources of a fused map, and what was recorded of
+    /// a topic that the run computes. The track of an earlier run is shown where that of the viewed run is.
     fn state(&self, layer: &Layer<'_>) -> LayerState {
-        let shown = !(layer.is_ground_truth() || (self.fused && layer.is_part_of_a_map()));
+        let is_part = self.fused && layer.is_part_of_a_map();
+        let shown = !(layer.is_ground_truth() || layer.is_twin || is_part);
         let opacity = if layer.is_ground_truth() && matches!(layer.kind, Kind::Grid(_)) { 0.5 } else { 1.0 };
         let usual = LayerState { shown, opacity, ..LayerState::default() };
         let own = self.saved.layers.get(&layer.name);
@@ -351,7 +356,7 @@ impl Map {
         let free = Rect::from_min_max(canvas.min + Vec2::new(32.0, 16.0), canvas.max - Vec2::splat(4.0));
         labels.paint(&painter, free, tokens(ui));
         self.point_at(ui, cx, map, &shown, &response, viewport);
-        legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
+        legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 36.0), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), viewport, map == WGS84);
         // In a narrow map the read-out takes the place of the legend, and in a low one it would hide too much.
         let reads_out = response.hovered() || self.kept.is_some();
@@ -485,6 +490,7 @@ impl Map {
         };
         let runs = frame.info.kind == SourceKind::Stack;
         let near = if runs { nearest_map(frame, map, shown) } else { None };
+        let mut loose = Vec::new();
         for layer in shown.iter().filter(|layer| near.is_none_or(|near| near == layer.name)) {
             let pose = layers::map_from_layer(frame, map, layer);
             match (layer.kind, pose) {
@@ -507,17 +513,20 @@ impl Map {
                 }
                 (Kind::Track { .. }, _) => {
                     let Some(track) = self.tracks.placed.get(&layer.name) else { continue };
-                    if let Some((min, max)) = track.plane().and_then(|plane| track.judged.extent(&plane)) {
-                        add(min);
-                        add(max);
+                    match track.plane().and_then(|plane| track.judged.extent(&plane)) {
+                        Some(extent) if track.alignment.is_some() => loose.push(extent),
+                        Some((min, max)) => [min, max].into_iter().for_each(&mut add),
+                        None => {}
                     }
                 }
                 _ => {}
             }
         }
-        let (mut min, mut max) = bounds.unwrap_or_else(|| robot::surroundings(frame, map, &mut self.around));
+        let bounds = bounds.or_else(|| loose.pop());
+        let bounds = bounds.unwrap_or_else(|| robot::surroundings(frame, map, &mut self.around));
         // A run begins with a vehicle and nothing else.
         let least = if runs { LEAST_OF_A_RUN_M } else { 2.0 };
+        let (mut min, mut max) = track::widened(bounds, &loose, least);
         for axis in 0..2 {
             let missing = (least - (max[axis] - min[axis])).max(0.0);
             (min[axis], max[axis]) = (min[axis] - missing / 2.0, max[axis] + missing / 2.0);

@@ -48,7 +48,7 @@ impl Map {
         let state = self.state(layer);
         let Ok(cells) = Cells::new(grid) else { return };
         let Some(shade) = cells.shade(state.shade.as_deref()) else { return };
-        let weights = self.edited_weights(layer).filter(|_| shade.is_fused()).cloned();
+        let weights = self.edited_weights(layer).filter(|_| shade.is_fused());
         // What edited weights take away would look as before, if the map below were seen there.
         let shows_below = is_over && weights.is_none() && cells.is_cost(&shade);
         let look = GridLook { shade, palette: self.saved.palette, weights, shows_below };

@@ -9,10 +9,26 @@ use crate::cloud_colors::{CloudColors, intensity_color};
 use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens, widgets};
 use rcs_runtime::source::Frame;
+use std::collections::BTreeMap;
 
-/// Index of a layer's line colour; only lines and arrows have colours of their own.
+/// Index of a layer's line colour; only lines and arrows have colours of their own. A track of the run that was left has
+/// the colour of the track of the same topic, so that a branch changes no colour.
 pub(super) fn series(layers: &[Layer<'_>], index: usize) -> usize {
-    layers[..index].iter().filter(|layer| is_line(layer)).count()
+    let ghost = ghost_of(&layers[index]);
+    let is_same = |layer: &Layer<'_>| match layer.kind {
+        Kind::Track { track, is_ghost: false } => !track.run.is_recorded() && Some(&*track.topic) == ghost,
+        _ => false,
+    };
+    let end = ghost.map_or(index, |_| layers.iter().position(is_same).unwrap_or(layers.len()));
+    layers[..end].iter().filter(|layer| is_line(layer) && ghost_of(layer).is_none()).count()
+}
+
+/// The topic of a track of the run that was left; `None` for any other layer.
+fn ghost_of<'a>(layer: &Layer<'a>) -> Option<&'a str> {
+    match layer.kind {
+        Kind::Track { track, is_ghost: true } => Some(&*track.topic),
+        _ => None,
+    }
 }
 
 /// Whether a layer is a line, or arrows, with a colour of its own.
@@ -33,6 +49,7 @@ impl Map {
         ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
             // Ground truth is listed last, under its own heading.
             let truth = layers.iter().position(Layer::is_ground_truth);
+            let mut names = BTreeMap::new();
             for (index, layer) in layers.iter().enumerate() {
                 if truth == Some(index) {
                     ui.separator();
@@ -41,7 +58,10 @@ impl Map {
                 }
                 let mut state = self.state(layer);
                 let before = state.clone();
-                let (chosen, zoom) = self.layer(ui, frame, map, layers, index, &mut state);
+                // Layers and their notes come and go while the mouse is pressed.
+                let name = (&layer.name, widgets::nth(&mut names, &layer.name));
+                let rows = |ui: &mut Ui| self.layer(ui, frame, map, layers, index, &mut state);
+                let (chosen, zoom) = widgets::named(ui, name, rows);
                 if let Some(frame) = chosen {
                     self.saved.frame = Some(frame);
                     self.saved.viewport = None;
@@ -57,7 +77,9 @@ impl Map {
             }
             if layers.iter().any(|layer| matches!(layer.kind, Kind::Track { .. })) {
                 ui.separator();
-                ui.checkbox(&mut self.saved.align, "Align loose tracks at their start").on_hover_text(format!(
+                let align = &mut self.saved.align;
+                let switch = |ui: &mut Ui| ui.checkbox(align, "Align loose tracks at their start");
+                widgets::named(ui, "align", switch).on_hover_text(format!(
                     "A track that no transform connects to the map is turned and shifted onto another one, \
                      by least squares over the first {} m. A visual aid, not a measurement.",
                     super::track::ALIGN_LENGTH_M
@@ -331,4 +353,29 @@ fn opacity(ui: &mut Ui, layer: &Layer<'_>, state: &mut LayerState, indent: f32) 
         response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
         response.on_hover_text(name);
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use rcs_runtime::RunId;
+    use rcs_runtime::source::RunTag;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn a_branch_changes_no_colour_and_the_track_that_was_left_has_that_of_its_topic() {
+        let colours = |frame: &Frame| -> BTreeMap<String, usize> {
+            let layers = layers::layers(frame);
+            let lines = layers.iter().enumerate().filter(|(_, layer)| is_line(layer));
+            lines.map(|(index, layer)| (layer.name.clone(), series(&layers, index))).collect()
+        };
+        let branched = samples::compared();
+        let tracks = branched.tracks.iter().filter(|track| track.run == RunTag::Run(RunId(1)));
+        let before = colours(&Frame { tracks: tracks.cloned().collect(), ..branched.clone() });
+        let mut after = colours(&branched);
+        let left = after.remove("/localization/local (run 0)");
+        assert!(left.is_some() && left == before.get("/localization/local").copied(), "{after:?}");
+        assert_eq!(after, before);
+    }
 }

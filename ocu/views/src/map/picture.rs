@@ -150,8 +150,8 @@ mod tests {
         let read = |message: PointCloud| {
             let topic = samples::topic("/points", 1.0, 0.0, message);
             let kind = Kind::Cloud;
-            let layer =
-                Layer { name: "/points".into(), kind, frame_id: "", stamp: Stamp(1), topic: Some(&topic) };
+            let (name, stamp, topic) = ("/points".into(), Stamp(1), Some(&topic));
+            let layer = Layer { name, kind, frame_id: "", stamp, topic, is_twin: false };
             read_cloud(&ctx, &layer, "map", Pose::IDENTITY).map(|read| read.map(|cloud| cloud.points.len()))
         };
         assert_eq!(read(samples::cloud(&[[1.0, 2.0, 3.0]])), Some(Ok(1)));

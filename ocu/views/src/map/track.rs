@@ -200,6 +200,24 @@ impl Judged {
     }
 }
 
+/// An extent on the map, m, with those of tracks that are only aligned. Outliers, as those of a satellite receiver, widen
+/// it by its size at most, or by `least_m`.
+pub(super) fn widened(
+    (low, high): ([f64; 2], [f64; 2]),
+    loose: &[([f64; 2], [f64; 2])],
+    least_m: f64,
+) -> ([f64; 2], [f64; 2]) {
+    let most_m = (high[0] - low[0]).max(high[1] - low[1]).max(least_m);
+    let (mut min, mut max) = (low, high);
+    for (from, to) in loose {
+        for axis in 0..2 {
+            min[axis] = min[axis].min(from[axis].max(low[axis] - most_m));
+            max[axis] = max[axis].max(to[axis].min(high[axis] + most_m));
+        }
+    }
+    (min, max)
+}
+
 /// A rotation and a translation in the plane that align one track with another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Alignment {

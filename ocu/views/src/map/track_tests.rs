@@ -171,3 +171,14 @@ fn implausible_positions_are_counted_as_the_track_grows_and_do_not_widen_it() {
     let (min, max) = judged.extent(&plane).unwrap();
     assert!(min[0] >= 0.0 && max[0] <= 50.0 && min[1] == 1.0, "{min:?} {max:?}");
 }
+
+#[test]
+fn outliers_of_a_track_that_is_aligned_widen_the_extent_by_its_size_at_most() {
+    let driven = ([0.0, 0.0], [40.0, 10.0]);
+    let noisy = ([-2.0, -1.0], [41.0, 12.0]);
+    assert_eq!(widened(driven, &[noisy], 2.0), ([-2.0, -1.0], [41.0, 12.0]));
+    let outlier = ([-2.0, -900.0], [41.0, 12.0]);
+    assert_eq!(widened(driven, &[outlier], 2.0), ([-2.0, -40.0], [41.0, 12.0]));
+    let stands = ([0.0; 2], [0.0; 2]);
+    assert_eq!(widened(stands, &[outlier], 10.0), ([-2.0, -10.0], [10.0, 10.0]));
+}

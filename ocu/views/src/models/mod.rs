@@ -147,7 +147,7 @@ impl View for Models {
             Some(Asked::Load) => {
                 if let Ok(place) = place {
                     let (process, field) = (place.process.name.as_str().into(), place.field);
-                    cx.wishes.push(Wish::LoadParam { process, field, in_force: place.in_force });
+                    cx.wishes.push(Wish::LoadParam { process, field });
                 }
             }
             Some(Asked::DeleteAll) => self.refused = place.and_then(|place| place.write(cx, "")).err(),

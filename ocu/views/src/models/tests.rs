@@ -7,6 +7,7 @@ use crate::samples::NOW;
 use egui::{Color32, ColorImage, Theme, Vec2};
 use egui_kittest::kittest::Queryable;
 use egui_kittest::{Harness, SnapshotOptions};
+use std::cell::RefCell;
 
 /// A model of 30 bins of red and green around a colour.
 fn color_model(name: &str, [red, green]: [f32; 2]) -> Model {
@@ -66,4 +67,40 @@ fn cards_show_pictures_or_else_the_colours_of_the_histogram_dark() {
     harness.get_by_label("deleted next");
     let options = SnapshotOptions::new().threshold(1.6).max_failed_pixels(24_usize);
     harness.snapshot_options("models_dark", &options);
+}
+
+#[test]
+fn a_press_on_a_model_deletes_no_other_one_although_models_come_or_go_before_the_release() {
+    let of = |names: &[&str]| Models {
+        models: names.iter().map(|name| color_model(name, [120.0, 84.0])).collect(),
+    };
+    // Where the pressed one is still there, it is deleted, wherever it is now; otherwise none is.
+    let cases: [(&[&str], &[&str]); 4] = [
+        (&["soil", "mulch"], &["mulch"]),
+        (&["mulch", "grass"], &["mulch"]),
+        (&["new", "soil", "mulch"], &["mulch"]),
+        (&["soil", "grass"], &[]),
+    ];
+    for (then, expected) in cases {
+        let models = RefCell::new(of(&["soil", "mulch", "grass"]));
+        let deleted: RefCell<Vec<String>> = RefCell::default();
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(752.0, 300.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(|ui| {
+                let models = models.borrow();
+                let shown = Shown { now: NOW, models: &models, pictures: None, refused: None, leaving: None };
+                let index = cards::show(ui, &shown);
+                deleted.borrow_mut().extend(index.map(|index| models.models[index].name.clone()));
+            });
+        harness.run();
+        let at = harness.get_by_label("Delete mulch").rect().center();
+        harness.drag_at(at);
+        harness.step();
+        *models.borrow_mut() = of(then);
+        harness.step();
+        harness.drop_at(at);
+        harness.step();
+        assert_eq!(*deleted.borrow(), expected, "{then:?}");
+    }
 }

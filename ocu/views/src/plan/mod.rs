@@ -221,13 +221,16 @@ fn meant(cx: &ViewContext<'_>, topic: &Topic, plan: &PlanMessage) -> Option<(usi
     (is_ours || away_m <= NEAR_M).then_some(found)
 }
 
+/// A column of the table of both paths: its name, the value of each path, and the number of decimals.
+type Column<'a> = (&'a str, [Option<f64>; 2], usize);
+
 /// The table of both paths: their lengths, costs and terms, and how they differ.
 fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
     let tokens = tokens(ui);
     // Terms that are 0 in both say nothing.
     let terms =
         PLAN_TERMS.iter().filter(|(_, of)| paths.iter().flatten().any(|path| in_plan(path, *of) != 0.0));
-    let mut columns: Vec<(&str, [Option<f64>; 2], usize)> = vec![
+    let mut columns: Vec<Column<'_>> = vec![
         ("length, m", paths.map(|path| path.map(|path| path.length_m)), 1),
         ("cost", paths.map(|path| path.map(|path| path.cost)), 0),
     ];
@@ -238,7 +241,11 @@ fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
     if paths.iter().flatten().any(|path| path.beyond_cost != 0.0) {
         columns.push(("beyond map", paths.map(|path| path.map(|path| path.beyond_cost)), 0));
     }
-    let rests = paths.map(|path| path.map(rest));
+    // What is shown adds up, in rows and in columns.
+    for (_, values, digits) in &mut columns {
+        values.iter_mut().flatten().for_each(|value| *value = round(*value, *digits));
+    }
+    let rests = [0, 1].map(|path| rest(&columns, path));
     let difference = rests[0].zip(rests[1]).map(|(ours, theirs)| theirs - ours);
     if rests.into_iter().chain([difference]).flatten().any(|rest| rest.abs() >= 0.5) {
         columns.push(("rounding", rests, 0));
@@ -283,10 +290,12 @@ fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
     }
 }
 
-/// What the terms lack of the cost: a planner may count whole numbers for each step.
-fn rest(path: &PlanCandidate) -> f64 {
-    let terms: f64 = PLAN_TERMS.iter().map(|(_, of)| in_plan(path, *of)).sum();
-    path.cost - terms - path.beyond_cost
+/// What the terms of a path lack of its cost, as they are shown: a planner may count whole numbers for each step, and the
+/// table shows whole numbers. The terms are the columns after the length and the cost.
+fn rest(columns: &[Column<'_>], path: usize) -> Option<f64> {
+    let [_, (_, costs, _), terms @ ..] = columns else { return None };
+    let terms: f64 = terms.iter().filter_map(|(_, values, _)| values[path]).sum();
+    Some(costs[path]? - terms)
 }
 
 /// Rounded to what is shown, so that a small negative number is not shown as "-0".

@@ -6,6 +6,7 @@ use rcs_formula::{FieldRef, Formula, functions};
 use rcs_msg::{FieldPath, Value};
 use rcs_runtime::source::{Frame, Topic};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Number of completions that are listed.
 const MOST: usize = 10;
@@ -19,6 +20,8 @@ pub(super) struct Entry {
     text: String,
     /// The curve that is changed, by graph and index; `None` for a new one.
     pub(super) of: Option<(usize, usize)>,
+    /// The formula of that curve when the line was opened.
+    pub(super) was: String,
     /// Whether it takes the focus. A layout that brings the line back leaves the focus where it is.
     #[serde(skip)]
     fresh: bool,
@@ -41,7 +44,8 @@ struct Completion {
 impl Entry {
     /// A line that begins with a text, for a new curve, or for one that exists.
     pub(super) fn new(text: String, of: Option<(usize, usize)>) -> Self {
-        Self { text, of, fresh: true }
+        let was = if of.is_some() { text.clone() } else { String::new() };
+        Self { text, of, was, fresh: true }
     }
 
     /// Paints the line and its completions.
@@ -84,8 +88,11 @@ impl Entry {
             {
                 ui.label(RichText::new(error.to_string()).small().color(tokens(ui).weak));
             }
+            let mut names = BTreeMap::new();
             for completion in &completions {
-                if row(ui, completion).clicked() {
+                // Values change what is found, and a problem above moves it.
+                let name = (&completion.text, widgets::nth(&mut names, &completion.text));
+                if widgets::named(ui, name, |ui| row(ui, completion).clicked()) {
                     taken = Some(completion.text.clone());
                 }
             }

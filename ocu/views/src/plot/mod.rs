@@ -189,25 +189,22 @@ impl Plot {
     }
 
     fn entry_ui(&mut self, ui: &mut Ui, frame: &Frame) {
+        let edited = self.saved.edited();
         let Some(entry) = &mut self.saved.entry else { return };
-        let of = entry.of;
         match entry.ui(ui, frame) {
             Entered::Open => return,
             Entered::Closed => {}
-            Entered::Formula(formula) => match of {
-                Some((graph, curve))
-                    if self.saved.graphs.get(graph).is_some_and(|g| curve < g.curves.len()) =>
-                {
+            Entered::Formula(formula) => {
+                if let Some((graph, curve)) = edited {
                     self.saved.graphs[graph].curves[curve].formula = formula;
-                }
-                _ => {
+                } else {
                     let curve = Curve::new(formula);
                     match self.saved.graphs.first_mut().filter(|graph| graph.against.is_none()) {
                         Some(graph) => graph.curves.push(curve),
                         None => self.saved.graphs.push(Graph { curves: vec![curve], ..Graph::default() }),
                     }
                 }
-            },
+            }
         }
         self.saved.entry = None;
     }

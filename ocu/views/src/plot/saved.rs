@@ -71,3 +71,18 @@ impl Curve {
         Self { formula: formula.into(), ..Self::default() }
     }
 }
+
+impl Saved {
+    /// The curve that the open line changes, by graph and index: the one with the formula that it had then, also where
+    /// curves before it came or went. `None` for a new one, and if it is gone.
+    pub(super) fn edited(&self) -> Option<(usize, usize)> {
+        let entry = self.entry.as_ref()?;
+        let is_it = |&(graph, curve): &(usize, usize)| {
+            let curve = self.graphs.get(graph).and_then(|graph| graph.curves.get(curve));
+            curve.is_some_and(|curve| curve.formula == entry.was)
+        };
+        let graphs = self.graphs.iter().enumerate();
+        let all = graphs.flat_map(|(graph, of)| (0..of.curves.len()).map(move |curve| (graph, curve)));
+        std::iter::once(entry.of?).chain(all).find(is_it)
+    }
+}

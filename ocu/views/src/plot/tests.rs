@@ -416,3 +416,19 @@ fn under_the_pointer_the_legend_has_the_value_of_a_curve_and_why_not_all_values_
     harness.run_steps(8);
     assert_ne!(harness.query_all_by_label_contains(whole).count(), 0);
 }
+
+#[test]
+fn the_line_changes_the_curve_for_which_it_was_opened_although_one_before_it_is_removed() {
+    let mut view = plot(&[&["/vehicle/state.speed_mps", "/planner/status.state", "/planner/status.cycle"]]);
+    view.saved.entry = Some(Entry::new("/planner/status.state".to_owned(), Some((0, 1))));
+    let mut harness = harness(view, egui::Vec2::new(600.0, 300.0));
+    harness.run();
+    harness.get_by_label("Formula").type_text(" * 2");
+    harness.run();
+    harness.state_mut().view.saved.graphs[0].curves.remove(0);
+    harness.run();
+    harness.get_by_label("Change").click();
+    harness.run();
+    let formulas: Vec<&str> = harness.state().view.saved.formulas().collect();
+    assert_eq!(formulas, ["/planner/status.state * 2", "/planner/status.cycle"]);
+}

@@ -142,15 +142,18 @@ impl Scene {
         bar.left("layers", Fit::Leaves(50), |ui, form, view| {
             bar::menu(ui, form, icons::ICON_LAYERS, "Layers", |ui| {
                 ui.set_min_width(220.0);
+                let mut names = BTreeMap::new();
                 for layer in placed {
                     let mut shown = view.shows(layer);
-                    if ui.checkbox(&mut shown, &layer.name).changed() {
+                    // Those before it come and go.
+                    let name = (&layer.name, widgets::nth(&mut names, &layer.name));
+                    if widgets::named(ui, name, |ui| ui.checkbox(&mut shown, &layer.name).changed()) {
                         view.saved.layers.insert(layer.name.clone(), shown);
                     }
                     age(ui, layer);
                 }
                 ui.separator();
-                ui.checkbox(&mut view.saved.axes, "Coordinate frames");
+                widgets::named(ui, "axes", |ui| ui.checkbox(&mut view.saved.axes, "Coordinate frames"));
             });
         });
         bar.right("fit", Fit::Leaves(40), |ui, form, view| {

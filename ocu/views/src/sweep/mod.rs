@@ -139,7 +139,9 @@ impl Sweep {
         });
         ui.horizontal(|ui| {
             if state.is_running {
-                if ui.button(format!("{}  Cancel", icons::ICON_CLOSE.codepoint)).clicked() {
+                // A sweep may end while the mouse is pressed, and the same press must not begin another one.
+                let cancel = format!("{}  Cancel", icons::ICON_CLOSE.codepoint);
+                if widgets::named(ui, "cancel", |ui| ui.button(cancel).clicked()) {
                     cx.wishes.push(Wish::CancelSweep);
                 }
                 let part = state.rows.len() as f32 / state.total.max(1) as f32;
@@ -148,7 +150,7 @@ impl Sweep {
                 ui.add(egui::ProgressBar::new(part).desired_width(width).text(text));
             } else {
                 let start = Button::new(format!("{}  Run", icons::ICON_PLAY_ARROW.codepoint));
-                let start = ui.add_enabled(!state.what.is_empty(), start);
+                let start = widgets::named(ui, "run", |ui| ui.add_enabled(!state.what.is_empty(), start));
                 let help = "Run every combination in the background; the window goes on";
                 if start.on_hover_text(help).clicked() {
                     cx.wishes.push(Wish::Sweep(saved.request()));

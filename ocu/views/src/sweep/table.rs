@@ -63,8 +63,12 @@ fn places(rect: Rect) -> [Option<Rect>; 8] {
 
 fn row_ui(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &SweepRow) {
     let tokens = tokens(ui);
-    let sense = if row.recording.is_some() { Sense::click() } else { Sense::hover() };
-    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), sense);
+    let size = Vec2::new(ui.available_width(), ROW);
+    let (rect, response) = match &row.recording {
+        // Another sweep may take the place of this one while the mouse is pressed.
+        Some(path) => widgets::named(ui, path, |ui| ui.allocate_exact_size(size, Sense::click())),
+        None => ui.allocate_exact_size(size, Sense::hover()),
+    };
     if response.hovered() && row.recording.is_some() {
         ui.painter().rect_filled(rect, 0.0, tokens.surface[3]);
     }

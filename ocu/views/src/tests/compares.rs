@@ -1,6 +1,6 @@
 //! Interaction with the compare view.
 
-use super::{Shown, harness};
+use super::{Shown, harness, press_at};
 use crate::samples::{self, SIDES};
 use egui::accesskit::Role;
 use egui::{Theme, Vec2};
@@ -54,6 +54,23 @@ fn a_click_on_a_difference_goes_to_its_time_and_selects_its_buffer_and_process()
     assert!(matches!(controls[..], [Control::Seek(to)] if to == first), "{controls:?}");
     let topic = harness.state().selection.topic.as_ref().map(|topic| topic.name.as_str());
     assert_eq!(topic, Some("/vehicle_interface/vehicle"));
+}
+
+#[test]
+fn a_press_on_a_difference_goes_to_no_other_one_that_takes_its_place() {
+    let mut harness = shown(samples::compared());
+    let place = harness.get_by_label_contains("/vehicle_interface/vehicle .steering_rad").rect();
+    let found = with(|comparison| {
+        let mut all = comparison.differences.to_vec();
+        let mut earlier = all[0].clone();
+        earlier.buffer = "/found/later".to_owned();
+        all.insert(0, earlier);
+        comparison.differences = all.into();
+    });
+    press_at(&mut harness, place.center(), |shown| shown.frame = found);
+    let pressed = harness.state().frame.comparisons[0].differences[5].time;
+    let controls = &harness.state().controls;
+    assert!(matches!(controls[..], [Control::Seek(to)] if to == pressed), "{controls:?}");
 }
 
 #[test]

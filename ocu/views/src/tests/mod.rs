@@ -11,6 +11,7 @@ mod log_lines;
 mod overlays;
 mod pictures;
 mod plans;
+mod presses;
 mod projections;
 mod read_outs;
 mod saved;
@@ -21,7 +22,7 @@ mod tunes;
 use crate::samples;
 use crate::view::{Selection, View, ViewContext, Wish, show};
 use crate::views::{all, view_type};
-use egui::{Theme, Vec2};
+use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_runtime::source::{Control, Frame};
@@ -63,6 +64,16 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
             },
             shown,
         )
+}
+
+/// Presses at a place, changes what is shown, and releases at the same place.
+fn press_at(harness: &mut Harness<'_, Shown>, at: Pos2, change: impl FnOnce(&mut Shown)) {
+    harness.drag_at(at);
+    harness.step();
+    change(harness.state_mut());
+    harness.step();
+    harness.drop_at(at);
+    harness.step();
 }
 
 #[test]

@@ -10,7 +10,9 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use rcs_bus::Sample;
 use rcs_geom::{Pose, TransformTree};
 use rcs_msg::AnyMessage;
-use rcs_msg::rcs::{ExampleKind, Mission, Plan, PlanePoint, PlanePolygon, TrainingExample};
+use rcs_msg::rcs::{
+    ExampleKind, Mission, Plan, PlanCandidate, PlanTerms, PlanePoint, PlanePolygon, TrainingExample,
+};
 use rcs_runtime::source::{Control, Frame, RunTag, Topic, WGS84};
 use std::sync::Arc;
 
@@ -76,22 +78,47 @@ fn every_term_of_both_paths_is_told_with_the_difference() {
     assert!(harness.query_by_label_contains("the other way costs 216 more").is_some());
 }
 
-#[test]
-fn what_the_terms_lack_of_the_cost_is_told_as_rounding() {
-    assert!(shown("plan").query_by_label_contains("rounding").is_none(), "they sum to it");
+/// The view of plans of a drive with a plan that was changed.
+fn with_plan(change: impl Fn(&mut Plan)) -> Harness<'static, Shown> {
     let mut frame = samples::driving();
-    let lower = |topic: &Topic| match topic.get::<Plan>() {
+    let changed = |topic: &Topic| match topic.get::<Plan>() {
         Some(plan) => {
             let mut plan = plan.clone();
-            plan.rejected.as_mut().unwrap().cost -= 2.0;
+            change(&mut plan);
             let sample = topic.latest.clone().unwrap();
             topic.clone().with_latest(Sample { message: AnyMessage::new(plan), ..sample })
         }
         None => topic.clone(),
     };
-    frame.topics = frame.topics.iter().map(lower).collect();
+    frame.topics = frame.topics.iter().map(changed).collect();
     let mut harness = harness(Shown::new("plan", frame), Vec2::new(900.0, 760.0), Theme::Dark);
     harness.run();
+    harness
+}
+
+#[test]
+fn the_terms_that_are_shown_add_up_to_the_cost_that_is_shown() {
+    let candidate = |cost: f64, [terrain, clearance]: [f32; 2]| {
+        let terms = Some(PlanTerms { terrain, clearance, ..PlanTerms::default() });
+        Some(PlanCandidate { cost, terms, ..PlanCandidate::default() })
+    };
+    let harness = with_plan(|plan| {
+        plan.chosen = candidate(20.8, [10.4, 10.4]);
+        plan.rejected = candidate(31.2, [10.6, 20.6]);
+    });
+    for row in [
+        "cost 21, terrain 10, clearance 10, rounding 1",
+        "cost 31, terrain 11, clearance 21, rounding -1",
+        "cost +10, terrain +1, clearance +11, rounding -2",
+    ] {
+        assert!(harness.query_by_label_contains(row).is_some(), "{row}");
+    }
+}
+
+#[test]
+fn what_the_terms_lack_of_the_cost_is_told_as_rounding() {
+    assert!(shown("plan").query_by_label_contains("rounding").is_none(), "they sum to it");
+    let harness = with_plan(|plan| plan.rejected.as_mut().unwrap().cost -= 2.0);
     let rows = |text: &str| harness.query_all_by_label_contains(text).count();
     // The chosen path; the rejected one and the difference.
     assert_eq!((rows("rounding 0"), rows("rounding -2")), (1, 2));

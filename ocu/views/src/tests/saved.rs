@@ -76,7 +76,7 @@ fn other_state(kind: &str) -> SavedState {
             }],
             "span": { "fixed": [1.0, 2.5] },
             "statistics": true,
-            "entry": { "text": "smooth(/a.x", "of": [0, 0] },
+            "entry": { "text": "smooth(/a.x", "of": [0, 0], "was": "/a.x" },
         }),
         "compare" => json!({
             "sides": ["recorded", { "run": 2 }],

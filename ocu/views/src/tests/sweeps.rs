@@ -1,7 +1,7 @@
 //! The sweep view: its form, its table, and what they ask of the window.
 
 use super::pictures::compare_picture;
-use super::{Shown, harness};
+use super::{Shown, harness, press_at};
 use crate::samples;
 use crate::sweep::{SweepRequest, SweepRow, SweepState};
 use crate::view::Wish;
@@ -86,4 +86,26 @@ fn a_click_on_a_run_opens_its_recording() {
     };
     assert_eq!(title, "planner.clearance_m=0.2, seed 2");
     assert_eq!(path.to_str(), Some("/sweeps/run-0002.mcap"));
+}
+
+#[test]
+fn a_press_on_cancel_begins_no_sweep_where_the_last_run_ends_before_the_release() {
+    let mut harness = shown(running(), Vec2::new(760.0, 300.0), Theme::Dark);
+    let at = harness.get_by_label_contains("Cancel").rect().center();
+    let ended = SweepState { is_running: false, total: 7, ..running() };
+    press_at(&mut harness, at, |shown| shown.selection.sweep = Arc::new(ended));
+    assert!(harness.state().wishes.is_empty());
+}
+
+#[test]
+fn a_press_on_a_run_opens_no_other_one_that_takes_its_place() {
+    let mut harness = shown(running(), Vec2::new(760.0, 300.0), Theme::Dark);
+    let at = harness.get_by_label("Run with seed 2 planner.clearance_m=0.2: time_limit").rect().center();
+    let mut other = running();
+    other.rows.remove(0);
+    press_at(&mut harness, at, |shown| shown.selection.sweep = Arc::new(other));
+    let Some(Wish::OpenRun { title, .. }) = harness.state_mut().wishes.pop() else {
+        panic!("nothing is opened")
+    };
+    assert_eq!(title, "planner.clearance_m=0.2, seed 2");
 }

@@ -9,9 +9,11 @@ use egui::{Event, Key, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use rcs_msg::prost::Message as _;
-use rcs_msg::rcs::{Command, CommandInfo, SpeedLimit};
+use rcs_msg::rcs::{Command, CommandInfo, InitialParams, RunInfo, SpeedLimit};
 use rcs_msg::{AnyMessage, schema_of};
-use rcs_runtime::source::Control;
+use rcs_runtime::source::{Control, RunTag, Topic};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A number with more decimals than are shown.
 const FINE: f64 = 0.003_906_25;
@@ -39,13 +41,29 @@ fn press(harness: &mut Harness<'_, Shown>, key: Key) {
     harness.run();
 }
 
+/// A topic takes the place of the one with its name.
+fn put(harness: &mut Harness<'_, Shown>, topic: &Topic) {
+    let frame = &mut harness.state_mut().frame;
+    let others = frame.topics.iter().filter(|other| other.name != topic.name).cloned();
+    frame.topics = others.chain([topic.clone()]).collect();
+    harness.run();
+}
+
 /// Another message of the parameter is in force.
 fn take(harness: &mut Harness<'_, Shown>, max_speed_mps: f64) {
-    let limit = samples::topic("/vehicle_interface/params", 0.0, 0.1, SpeedLimit { max_speed_mps });
-    let frame = &mut harness.state_mut().frame;
-    let others = frame.topics.iter().filter(|topic| topic.name != limit.name).cloned();
-    frame.topics = others.chain([limit.clone()]).collect();
-    harness.run();
+    put(harness, &samples::topic("/vehicle_interface/params", 0.0, 0.1, SpeedLimit { max_speed_mps }));
+}
+
+/// The process of the parameter has made a map.
+fn make_map(harness: &mut Harness<'_, Shown>, age_s: f64) {
+    let mut map = samples::topic("/map", 5.0, age_s, samples::grid(4, 4));
+    map.writer = "vehicle_interface".into();
+    map.metadata = Arc::new(BTreeMap::from([("rcs.role".to_owned(), "map".to_owned())]));
+    put(harness, &map);
+}
+
+fn speed(params: &AnyMessage) -> f64 {
+    params.to::<SpeedLimit>().unwrap().max_speed_mps
 }
 
 /// The parameters that were sent.
@@ -98,6 +116,67 @@ fn a_number_is_typed_with_all_its_decimals() {
     press(&mut harness, Key::Tab);
     let preview = harness.state().selection.preview.get().cloned().unwrap();
     assert_eq!(preview.params.to::<SpeedLimit>().unwrap().max_speed_mps, FINE);
+}
+
+#[test]
+fn a_number_that_is_refused_says_what_was_expected_and_leaves_the_value() {
+    for text in ["nan", "11", "fast"] {
+        let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+        type_speed(&mut harness, text);
+        let reason = format!("got {text:?}, expected a number from 0 to 10 m/s");
+        assert!(harness.query_by_label(&reason).is_some(), "{text}");
+        assert_eq!(harness.state().selection.preview.get(), None, "{text}");
+        // A decimal comma is a decimal point, and the reason goes with what was refused.
+        type_speed(&mut harness, "1,5");
+        assert!(harness.query_by_label_contains("expected a number").is_none());
+        let preview = harness.state().selection.preview.get().cloned().unwrap();
+        assert_eq!(speed(&preview.params), 1.5);
+    }
+}
+
+#[test]
+fn a_number_that_becomes_too_great_while_it_is_typed_leaves_the_value_from_before() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    go_to_number(&mut harness);
+    for digit in ["2", "5"] {
+        harness.event(Event::Text(digit.to_owned()));
+        harness.run();
+    }
+    press(&mut harness, Key::Tab);
+    assert!(harness.query_by_label_contains("got \"25\"").is_some());
+    assert_eq!(harness.state().selection.preview.get(), None);
+}
+
+#[test]
+fn the_arrow_beside_a_parameter_goes_back_to_what_the_stack_gave() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    assert!(harness.query_by_label("Default of max_speed_mps: 0.5").is_some());
+    let params = AnyMessage::new(SpeedLimit { max_speed_mps: 0.8 }).bytes();
+    let given = InitialParams { process: "vehicle_interface".into(), params, ..InitialParams::default() };
+    let run = RunInfo { params: vec![given], ..RunInfo::default() };
+    put(&mut harness, &samples::topic("/runtime/run", 0.0, 12.0, run));
+    harness.get_by_label("Value of the stack for max_speed_mps: 0.8").click();
+    harness.run();
+    let preview = harness.state().selection.preview.get().cloned().unwrap();
+    assert_eq!(speed(&preview.params), 0.8);
+}
+
+#[test]
+fn what_was_sent_stays_a_preview_until_a_map_is_made_with_it() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    make_map(&mut harness, 0.2);
+    send_two(&mut harness);
+    take(&mut harness, 2.0);
+    let preview = harness.state().selection.preview.get().cloned().unwrap();
+    assert_eq!((speed(&preview.params), speed(&preview.before), preview.is_sent), (2.0, 1.0, true));
+    // What was sent while time stands is taken back.
+    harness.get_by_label_contains("Undo").click();
+    harness.run();
+    take(&mut harness, 1.0);
+    let preview = harness.state().selection.preview.get().cloned().unwrap();
+    assert_eq!((speed(&preview.params), speed(&preview.before)), (1.0, 1.0));
+    make_map(&mut harness, 0.05);
+    assert_eq!(harness.state().selection.preview.get(), None);
 }
 
 #[test]
@@ -243,8 +322,14 @@ fn a_command_with_parameters_in_the_menu_of_a_box_is_to_be_prepared_and_is_not_s
 #[test]
 fn a_preview_stays_while_its_view_exists_until_that_view_ends_it() {
     let params = AnyMessage::new(SpeedLimit { max_speed_mps: 1.0 });
-    let preview = |process: &str| Preview { process: process.into(), params: params.clone() };
-    let (a, b) = (std::sync::Arc::new(()), std::sync::Arc::new(()));
+    let preview = |process: &str| Preview {
+        process: process.into(),
+        run: RunTag::FIRST,
+        params: params.clone(),
+        before: params.clone(),
+        is_sent: false,
+    };
+    let (a, b) = (Arc::new(()), Arc::new(()));
     let mut previews = Previews::default();
     previews.set(&a, preview("wm1"));
     assert!(previews.turn() && !previews.turn(), "it stays while its view is hidden");

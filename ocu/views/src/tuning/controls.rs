@@ -1,20 +1,18 @@
-//! One row per parameter: its name, a control of its type with unit and range, and a way back to the default.
+//! One row per parameter: its name, a control of its type with unit and range, and a way back to what the stack gave, or
+//! to the default.
 
+use super::number::{self, number_control, shortest};
 use crate::edit::text::text_of;
-use egui::emath::{format_with_decimals_in_range, round_to_decimals};
-use egui::{
-    Align, DragValue, Layout, Response, RichText, Role, Slider, SliderClamping, Ui, Vec2, WidgetInfo,
-};
-use ocu_ui::{icons, tokens, widgets};
+use egui::{Align, Color32, Id, Layout, RichText, Role, Ui, Vec2, WidgetInfo};
+use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::params::{ParamKind, ParamSpec};
 use rcs_msg::{FieldPath, Value};
-use std::cell::Cell;
-use std::ops::RangeInclusive;
+use std::collections::BTreeMap;
 
 /// A text longer than this is the content of a file, which is not edited in a row.
 const LONG_TEXT: usize = 200;
-/// Most decimals that a slider shows, and to which it rounds what is dragged.
-const DECIMALS: usize = 4;
+/// Distance of the names from the left edge, screen points.
+const INDENT: f32 = 8.0;
 
 /// A parameter with its value in the draft.
 pub(crate) struct Row<'a> {
@@ -28,6 +26,10 @@ pub(crate) struct Rows<'a> {
     pub(crate) search: &'a str,
     /// The parameters in force.
     pub(crate) now: &'a Value,
+    /// The parameters that the stack gave, if it is known.
+    pub(crate) given: Option<&'a Value>,
+    /// What counts instead of a parameter in force, by path.
+    pub(crate) counting: Option<&'a BTreeMap<String, f32>>,
     /// Path and text of each change.
     pub(crate) edits: &'a mut Vec<(String, String)>,
     /// Whether a control was let go after a change.
@@ -96,43 +98,53 @@ impl Rows<'_> {
     }
 
     fn plain(&mut self, ui: &mut Ui, row: &Row<'_>, value: &Value, depth: usize) {
-        let (spec, tokens) = (row.spec, tokens(ui));
-        let text = text_of(value).unwrap_or_default();
-        let in_force = row
-            .path
-            .parse::<FieldPath>()
-            .ok()
-            .and_then(|path| self.now.get(&path).ok().and_then(|v| text_of(&v)));
-        let is_changed = in_force.as_deref() != Some(&text);
-        let default = text_of(&spec.default).unwrap_or_default();
-        let name = if spec.name.is_empty() { row.path.rsplit('.').next().unwrap_or("") } else { &spec.name };
-        ui.horizontal(|ui| {
-            ui.add_space(8.0 + 12.0 * depth as f32);
-            let width = (ui.available_width() * 0.42).clamp(72.0, 220.0);
-            let (rect, response) = ui.allocate_exact_size(Vec2::new(width, 20.0), egui::Sense::hover());
-            let ink = if is_changed { tokens.strong } else { tokens.text };
-            let font = egui::TextStyle::Body.resolve(ui.style());
-            widgets::cell(ui, rect, Align::Min, name, font, ink);
-            if is_changed {
-                // A mark beside the name, so that a change is not told by brightness alone.
-                let at = rect.left_center() - Vec2::new(6.0, 0.0);
-                ui.painter().circle_filled(at, 2.5, tokens.accent);
+        let texts = self.texts(row, value);
+        // Ids of its own: a reason that comes or goes below a row takes the focus from none after it.
+        widgets::named(ui, row.path.as_str(), |ui| {
+            let refusal = ui.scope_id().with("refused");
+            self.cells(ui, row, value, &texts, depth, refusal);
+            if let Some(reason) = number::refused(ui, refusal) {
+                let color = tokens(ui).error;
+                line(ui, depth, &reason, color);
             }
-            response.on_hover_ui(|ui| help(ui, row, &default, in_force.as_deref()));
+        });
+    }
+
+    fn texts(&self, row: &Row<'_>, value: &Value) -> Texts {
+        let path = row.path.parse::<FieldPath>().ok();
+        let text_in = |params: &Value| {
+            let value = path.as_ref().and_then(|path| params.get(path).ok());
+            value.and_then(|value| text_of(&value))
+        };
+        let counting = self.counting.and_then(|counting| counting.get(&row.path));
+        Texts {
+            value: text_of(value).unwrap_or_default(),
+            in_force: text_in(self.now),
+            given: self.given.and_then(text_in),
+            default: text_of(&row.spec.default).unwrap_or_default(),
+            counting: counting.map(|weight| format::number((f64::from(*weight) * 1e3).round() / 1e3)),
+        }
+    }
+
+    /// Name, control and the way back of a plain parameter. The controls of all rows begin at one line.
+    fn cells(&mut self, ui: &mut Ui, row: &Row<'_>, value: &Value, texts: &Texts, depth: usize, refusal: Id) {
+        ui.horizontal(|ui| {
+            let names = INDENT + ((ui.available_width() - INDENT) * 0.42).clamp(72.0, 220.0);
+            ui.add_space(indent(depth));
+            name_cell(ui, row, texts, (names - indent(depth)).max(48.0));
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 let (place, _) = ui.allocate_exact_size(Vec2::splat(20.0), egui::Sense::hover());
                 // Also where it stays empty: else the control beside it gets another id, and loses the focus, as soon as
                 // what is typed in it differs from the default.
                 let mut child = ui.new_child(egui::UiBuilder::new().max_rect(place));
-                if text != default && spec.file.is_none() {
-                    let name = format!("Default of {}: {default}", row.path);
-                    if widgets::icon_button(&mut child, icons::ICON_RESTART_ALT, &name).clicked() {
-                        self.edits.push((row.path.clone(), default.clone()));
-                        *self.let_go = true;
-                    }
+                if row.spec.file.is_none()
+                    && let Some(back) = back(&mut child, &row.path, texts)
+                {
+                    self.edits.push((row.path.clone(), back));
+                    *self.let_go = true;
                 }
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                    if let Some((new, done)) = control(ui, row, value) {
+                    if let Some((new, done)) = control(ui, row, value, refusal) {
                         self.edits.push((row.path.clone(), new));
                         *self.let_go |= done;
                     }
@@ -142,60 +154,63 @@ impl Rows<'_> {
     }
 }
 
-/// The shortest number that a 32-bit field stores as this value; other values as they are.
-fn shortest(number: f64) -> f64 {
-    let narrow = number as f32;
-    if f64::from(narrow) == number { narrow.to_string().parse().unwrap_or(number) } else { number }
+/// The texts of a plain parameter.
+struct Texts {
+    /// Its value in the draft.
+    value: String,
+    in_force: Option<String>,
+    /// What the stack gave it.
+    given: Option<String>,
+    default: String,
+    /// What counts instead of what is in force.
+    counting: Option<String>,
 }
 
-/// A slider of a number with a narrow range, else a number that can be dragged. Neither showing nor leaving it changes
-/// the value, which may have more decimals than are shown; what is typed is taken with all decimals.
-fn number_control(ui: &mut Ui, row: &Row<'_>, new: &mut f64, unit: String) -> Response {
+fn indent(depth: usize) -> f32 {
+    INDENT + 12.0 * depth as f32
+}
+
+/// The name of a parameter, with what counts instead of it, and a mark where it was changed.
+fn name_cell(ui: &mut Ui, row: &Row<'_>, texts: &Texts, width: f32) {
+    let tokens = tokens(ui);
     let spec = row.spec;
-    let before = *new;
-    let bounds = spec.min.zip(spec.max).filter(|(min, max)| max - min <= 1e4);
-    let id = ui.scope_id().with(("typed", &row.path));
-    // The number that was shown when typing began, and the value that it stands for.
-    let begun = ui.data(|data| data.get_temp::<[f64; 2]>(id));
-    let written = Cell::new(before);
-    let write = |value: f64, decimals: RangeInclusive<usize>| {
-        let most = if bounds.is_some() { DECIMALS } else { *decimals.end() };
-        let text = format_with_decimals_in_range(value, (*decimals.start()).min(most)..=most);
-        written.set(text.parse().unwrap_or(value));
-        text
-    };
-    let read = |text: &str| {
-        let text: String = text.chars().filter(|c| !c.is_whitespace()).collect();
-        let typed: f64 = text.replace('\u{2212}', "-").parse().ok()?;
-        let [shown, value] = begun.unwrap_or([written.get(), before]);
-        Some(if typed == shown { value } else { typed })
-    };
-    let response = if let Some((min, max)) = bounds {
-        ui.spacing_mut().slider_width = (ui.available_width() - 96.0).max(32.0);
-        let wide = min > 0.0 && max / min > 500.0;
-        let slider = Slider::new(new, min..=max).suffix(unit).logarithmic(wide);
-        let slider = slider.clamping(SliderClamping::Edits);
-        ui.add(slider.custom_formatter(write).custom_parser(read))
+    let name = if spec.name.is_empty() { row.path.rsplit('.').next().unwrap_or("") } else { &spec.name };
+    let is_changed = texts.in_force.as_ref() != Some(&texts.value);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(width, 20.0), egui::Sense::hover());
+    let ink = if is_changed { tokens.strong } else { tokens.text };
+    let font = egui::TextStyle::Body.resolve(ui.style());
+    if let Some(counting) = &texts.counting {
+        let text = format!("{name} ({counting} counts)");
+        widgets::cell(ui, rect, Align::Min, &text, font, ink);
+        response.widget_info(|| WidgetInfo::labeled(Role::Label, true, &text));
     } else {
-        let range = spec.min.unwrap_or(f64::MIN)..=spec.max.unwrap_or(f64::MAX);
-        let speed = (before.abs() * 0.01).max(0.001);
-        let drag = DragValue::new(new).range(range).speed(speed).suffix(unit).clamp_existing_to_range(false);
-        ui.add(drag.custom_formatter(write).custom_parser(read))
-    };
-    let is_typed = response.has_focus() || response.lost_focus();
-    if response.has_focus() && begun.is_none() {
-        ui.data_mut(|data| data.insert_temp(id, [written.get(), before]));
-    } else if !response.has_focus() && begun.is_some() {
-        ui.data_mut(|data| data.remove::<[f64; 2]>(id));
+        widgets::cell(ui, rect, Align::Min, name, font, ink);
     }
-    if bounds.is_some() && !is_typed && *new != before {
-        *new = round_to_decimals(*new, DECIMALS);
+    if is_changed {
+        // A mark beside the name, so that a change is not told by brightness alone.
+        let at = rect.left_center() - Vec2::new(6.0, 0.0);
+        ui.painter().circle_filled(at, 2.5, tokens.accent);
     }
-    response
+    response.on_hover_ui(|ui| help(ui, row, texts));
 }
 
-/// The control of a plain parameter; returns the new text, and whether the control was let go.
-fn control(ui: &mut Ui, row: &Row<'_>, value: &Value) -> Option<(String, bool)> {
+/// The button that goes back to what the stack gave, or to the default where it gave nothing; returns that when it is
+/// clicked.
+fn back(ui: &mut Ui, path: &str, texts: &Texts) -> Option<String> {
+    let (to, of) = match &texts.given {
+        Some(given) => (given, "Value of the stack for"),
+        None => (&texts.default, "Default of"),
+    };
+    if texts.value == *to {
+        return None;
+    }
+    let button = widgets::icon_button(ui, icons::ICON_RESTART_ALT, &format!("{of} {path}: {to}"));
+    button.clicked().then(|| to.clone())
+}
+
+/// The control of a plain parameter; returns the new text, and whether the control was let go. Why a number was refused is
+/// kept at `refusal`.
+fn control(ui: &mut Ui, row: &Row<'_>, value: &Value, refusal: Id) -> Option<(String, bool)> {
     let spec = row.spec;
     let unit = match spec.unit.as_str() {
         "" | "1" => String::new(),
@@ -221,7 +236,7 @@ fn control(ui: &mut Ui, row: &Row<'_>, value: &Value) -> Option<(String, bool)> 
         Value::Float(number) => {
             let shown = shortest(*number);
             let mut new = shown;
-            let response = number_control(ui, row, &mut new, unit);
+            let response = number_control(ui, spec, refusal, &mut new, unit);
             label(&response, Role::Slider);
             if new.is_nan() {
                 return None;
@@ -230,18 +245,13 @@ fn control(ui: &mut Ui, row: &Row<'_>, value: &Value) -> Option<(String, bool)> 
             changed(&response, value.to_string())
         }
         Value::Int(_) | Value::Uint(_) => {
-            let mut new = value.as_i64()?;
-            let range =
-                spec.min.map_or(i64::MIN, |min| min as i64)..=spec.max.map_or(i64::MAX, |max| max as i64);
-            let is_short = spec.min.zip(spec.max).is_some_and(|(min, max)| max - min <= 1e4);
-            let response = if is_short {
-                ui.spacing_mut().slider_width = (ui.available_width() - 96.0).max(32.0);
-                ui.add(Slider::new(&mut new, range).suffix(unit))
-            } else {
-                ui.add(DragValue::new(&mut new).range(range).suffix(unit))
-            };
+            let number = value.as_i64()?;
+            let shown = number as f64;
+            let mut new = shown;
+            let response = number_control(ui, spec, refusal, &mut new, unit);
             label(&response, Role::Slider);
-            changed(&response, new.to_string())
+            let value = if new == shown { number } else { new as i64 };
+            changed(&response, value.to_string())
         }
         Value::Enum { name, .. } => {
             let mut chosen = None;
@@ -271,7 +281,7 @@ fn control(ui: &mut Ui, row: &Row<'_>, value: &Value) -> Option<(String, bool)> 
     }
 }
 
-fn help(ui: &mut Ui, row: &Row<'_>, default: &str, in_force: Option<&str>) {
+fn help(ui: &mut Ui, row: &Row<'_>, texts: &Texts) {
     let tokens = tokens(ui);
     ui.set_max_width(320.0);
     ui.label(RichText::new(&row.path).monospace().color(tokens.strong));
@@ -283,18 +293,25 @@ fn help(ui: &mut Ui, row: &Row<'_>, default: &str, in_force: Option<&str>) {
         (None, Some(max)) => format!("at most {max} {unit}"),
         (None, None) => String::new(),
     };
-    for (name, value) in
-        [("range", range.as_str()), ("default", default), ("in force", in_force.unwrap_or_default())]
-    {
+    for (name, value) in [
+        ("range", range.as_str()),
+        ("default", texts.default.as_str()),
+        ("stack", texts.given.as_deref().unwrap_or_default()),
+        ("in force", texts.in_force.as_deref().unwrap_or_default()),
+        ("counts", texts.counting.as_deref().unwrap_or_default()),
+    ] {
         if !value.is_empty() && value.len() < LONG_TEXT {
             widgets::name_value(ui, 64.0, name, widgets::mono(value));
         }
+    }
+    if texts.counting.is_some() {
+        ui.label("The newest map was fused with what counts: a learned weight, or the one from before.");
     }
 }
 
 fn heading(ui: &mut Ui, depth: usize, name: &str, help: &str) {
     ui.horizontal(|ui| {
-        ui.add_space(8.0 + 12.0 * depth as f32);
+        ui.add_space(indent(depth));
         let response = ui.label(RichText::new(name).strong());
         if !help.is_empty() {
             response.on_hover_text(help);
@@ -303,20 +320,82 @@ fn heading(ui: &mut Ui, depth: usize, name: &str, help: &str) {
 }
 
 fn note(ui: &mut Ui, depth: usize, text: &str) {
+    let color = tokens(ui).weak;
+    line(ui, depth, text, color);
+}
+
+fn line(ui: &mut Ui, depth: usize, text: &str, color: Color32) {
     ui.horizontal(|ui| {
-        ui.add_space(8.0 + 12.0 * depth as f32);
-        ui.label(RichText::new(text).small().color(tokens(ui).weak));
+        ui.add_space(indent(depth));
+        ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
     });
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    /// A parameter of this name and kind, from 0 to 1.
+    fn spec(name: &str, kind: ParamKind, fields: Vec<ParamSpec>) -> ParamSpec {
+        ParamSpec {
+            name: name.to_owned(),
+            kind,
+            unit: "1".to_owned(),
+            min: Some(0.0),
+            max: Some(1.0),
+            default: Value::Float(0.5),
+            help: String::new(),
+            file: None,
+            role: String::new(),
+            choices: Vec::new(),
+            fields,
+        }
+    }
+
+    /// A row of a number, and one of a number within a group; of the second another weight counts.
+    fn rows() -> Harness<'static> {
+        let weight = spec("weight", ParamKind::Number, Vec::new());
+        let group = spec("group", ParamKind::Group, vec![weight.clone()]);
+        let within = Value::Message(vec![("weight".to_owned(), Value::Float(0.5))]);
+        let params =
+            Value::Message(vec![("weight".to_owned(), Value::Float(0.5)), ("group".to_owned(), within)]);
+        let counting = BTreeMap::from([("group.weight".to_owned(), 0.25_f32)]);
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(500.0, 200.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(move |ui| {
+                let (mut edits, mut let_go) = (Vec::new(), false);
+                let mut rows = Rows {
+                    search: "",
+                    now: &params,
+                    given: None,
+                    counting: Some(&counting),
+                    edits: &mut edits,
+                    let_go: &mut let_go,
+                };
+                for spec in [&weight, &group] {
+                    let value = params.field(&spec.name);
+                    rows.ui(ui, &Row { spec, path: spec.name.clone(), value }, 0);
+                }
+            });
+        harness.run();
+        harness
+    }
 
     #[test]
-    fn a_number_of_32_bits_is_shown_as_it_was_written() {
-        assert_eq!(shortest(f64::from(0.1_f32)), 0.1);
-        assert_eq!((shortest(0.003_906_25), shortest(0.1)), (0.003_906_25, 0.1));
-        assert!(shortest(f64::NAN).is_nan());
+    fn the_controls_of_rows_within_groups_begin_where_those_of_others_do() {
+        let harness = rows();
+        let left = |path: &str| harness.get_by_role_and_label(Role::Slider, path).rect().left();
+        assert_eq!(left("weight"), left("group.weight"));
+    }
+
+    #[test]
+    fn a_weight_that_counts_instead_of_that_of_the_parameters_is_shown_beside_its_name() {
+        let harness = rows();
+        let told: Vec<_> = harness.query_all_by_label_contains("counts").collect();
+        assert_eq!(told.len(), 1);
+        assert!(harness.query_by_label("weight (0.25 counts)").is_some());
     }
 }

@@ -29,6 +29,8 @@ pub(crate) struct Draft {
     /// The messages that can be taken back, oldest first.
     sent: Vec<Sent>,
     kept: [Option<AnyMessage>; 2],
+    /// What was sent last, also to take something back, and the parameters with which the newest map was made then.
+    last: Option<Sent>,
     /// Why the last change was refused.
     refused: Option<String>,
     /// When something was sent last, and the number of the process's faults then.
@@ -134,7 +136,7 @@ impl Draft {
     /// reason is shown.
     pub(super) fn undo(&mut self, in_force: &AnyMessage) -> Option<AnyMessage> {
         let Sent { written, .. } = self.sent.last()?;
-        if in_force.same(written) || in_force.bytes() == written.bytes() {
+        if is_equal(in_force, written) {
             self.refused = None;
             return self.sent.pop().map(|sent| sent.before);
         }
@@ -142,9 +144,22 @@ impl Draft {
         None
     }
 
+    /// `written` is sent. If a map with the parameters in force `is_awaited`, the newest one was made with older ones.
+    pub(super) fn written(&mut self, in_force: &AnyMessage, written: &AnyMessage, is_awaited: bool) {
+        let before = self.replaced(in_force).filter(|_| is_awaited).unwrap_or(in_force).clone();
+        self.last = Some(Sent { before, written: written.clone() });
+    }
+
+    /// The parameters with which the newest map was made when those in force were sent; `None` if these are not what was
+    /// sent last.
+    pub(super) fn replaced(&self, in_force: &AnyMessage) -> Option<&AnyMessage> {
+        self.last.as_ref().filter(|last| is_equal(in_force, &last.written)).map(|last| &last.before)
+    }
+
     /// Forgets what was sent and what followed: the run to which it was sent has ended. Changes and kept sets stay.
     pub(crate) fn forget_sent(&mut self) {
         self.sent.clear();
+        self.last = None;
         (self.sent_at, self.fault, self.refused) = (None, None, None);
     }
 
@@ -182,6 +197,11 @@ impl Draft {
             self.fault = Some(status.last_fault.clone());
         }
     }
+}
+
+/// Whether two messages are the same, or equal.
+pub(crate) fn is_equal(one: &AnyMessage, other: &AnyMessage) -> bool {
+    one.same(other) || one.bytes() == other.bytes()
 }
 
 /// Whether a text means this value.
@@ -222,6 +242,20 @@ mod tests {
         draft.take_fault(at(81), &status(4, "late"));
         draft.take_fault(at(200), &status(5, "late"));
         assert_eq!(draft.fault(), None, "minutes later");
+    }
+
+    #[test]
+    fn parameters_that_were_sent_one_after_the_other_replace_those_of_the_newest_map() {
+        let mut draft = Draft::default();
+        assert!(draft.replaced(&speed(1.0)).is_none());
+        draft.written(&speed(1.0), &speed(2.0), false);
+        draft.written(&speed(2.0), &speed(3.0), true);
+        let replaced = |draft: &Draft, in_force: f64| {
+            draft.replaced(&speed(in_force)).map(|before| before.to::<SpeedLimit>().unwrap().max_speed_mps)
+        };
+        assert_eq!((replaced(&draft, 2.0), replaced(&draft, 3.0)), (None, Some(1.0)));
+        draft.written(&speed(3.0), &speed(4.0), false);
+        assert_eq!(replaced(&draft, 4.0), Some(3.0), "a map with 3 has come");
     }
 
     #[test]

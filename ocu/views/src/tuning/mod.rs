@@ -1,20 +1,24 @@
 //! Tuning view: the parameters of any process as typed controls. Changes are shown by other views before they are sent
-//! (fusion weights fuse the shown map again), sent as one message, taken back, kept as A and B to switch between, and
-//! saved to the stack file.
+//! (fusion weights fuse the shown map again) and until a map is made with them, sent as one message, taken back, kept as A
+//! and B to switch between, and saved to the stack file.
 
 mod controls;
 pub(crate) mod draft;
+mod fused;
+mod number;
 
 use crate::command::refusal;
 use crate::view::{Preview, SavedState, View, ViewContext, Wish, run_beside};
 use controls::Row;
 use draft::Draft;
+pub(crate) use draft::is_equal;
 use egui::{RichText, Role, ScrollArea, Ui, UiBuilder, WidgetInfo};
+use fused::Counting;
 use ocu_ui::bar::{self, Bar, Choice, Fit};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::params::ParamSpec;
-use rcs_msg::{AnyMessage, rcs};
-use rcs_runtime::source::{Control, Frame};
+use rcs_msg::{AnyMessage, Value, rcs};
+use rcs_runtime::source::{Control, Frame, RunTag};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -37,6 +41,8 @@ pub(crate) struct Tuning {
     saved: Saved,
     /// Address of a list of processes, and the process of it that fuses maps, or has parameters at all.
     usual: Option<(usize, String)>,
+    /// Weights that count instead of those of the parameters.
+    counting: Counting,
     /// Stands for this view where it states a preview.
     own: Arc<()>,
 }
@@ -82,15 +88,23 @@ impl View for Tuning {
         let specs = draft.specs().to_vec();
         let value = draft.message(&in_force).value().unwrap_or(now.clone());
         let search = self.saved.search.trim().to_lowercase();
+        let given = given(cx.frame, info, &in_force);
+        let counting = self.counting.follow(&in_force, fused::weights(cx.frame, info));
         let mut edits = Vec::new();
         let mut let_go = false;
         // An id of its own: a note that comes or goes above would cut off a slider that is being dragged.
-        let list = UiBuilder::new().scope_id(ui.scope_id().with("parameters"));
+        let list = UiBuilder::new().scope_id(ui.scope_id().with(("parameters", &info.name)));
         ui.scope_builder(list, |ui| {
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 ui.add_space(4.0);
-                let mut rows =
-                    controls::Rows { search: &search, now: &now, edits: &mut edits, let_go: &mut let_go };
+                let mut rows = controls::Rows {
+                    search: &search,
+                    now: &now,
+                    given: given.as_ref(),
+                    counting: Some(counting),
+                    edits: &mut edits,
+                    let_go: &mut let_go,
+                };
                 for spec in &specs {
                     let row = Row { spec, path: spec.name.clone(), value: value.field(&spec.name) };
                     rows.ui(ui, &row, 0);
@@ -162,7 +176,7 @@ impl Tuning {
         crate::toolbar::show(ui, bar, &mut self.saved);
     }
 
-    /// Tells other views what is being edited.
+    /// Tells other views what is being edited, or was sent and counts in no map yet.
     fn preview(
         &self,
         cx: &mut ViewContext<'_>,
@@ -170,13 +184,19 @@ impl Tuning {
         draft: &Draft,
         in_force: &AnyMessage,
     ) {
-        let preview = &mut cx.selection.preview;
-        if draft.is_changed() {
-            let params = draft.message(in_force);
-            preview.set(&self.own, Preview { process: info.name.as_str().into(), params });
-        } else {
-            preview.end(&self.own, Some(&info.name));
+        let replaced = draft.replaced(in_force).filter(|_| fused::awaits_map(cx.frame, info));
+        let is_sent = !draft.is_changed();
+        if is_sent && replaced.is_none() {
+            return cx.selection.preview.end(&self.own, Some(&info.name));
         }
+        let preview = Preview {
+            process: info.name.as_str().into(),
+            run: cx.frame.topic(&info.params_buffer).map_or(RunTag::FIRST, |params| params.run),
+            params: draft.message(in_force),
+            before: replaced.unwrap_or(in_force).clone(),
+            is_sent,
+        };
+        cx.selection.preview.set(&self.own, preview);
     }
 }
 
@@ -197,14 +217,29 @@ pub(crate) fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMess
     frame.topic(&info.params_buffer)?.canonical().cloned()
 }
 
+/// The parameters with which a process began its run, as the stack gave them; `None` if the run does not state them.
+fn given(frame: &Frame, info: &rcs::ProcessInfo, in_force: &AnyMessage) -> Option<Value> {
+    let run = frame.topic(&info.params_buffer)?.run;
+    let begun = frame.topics_of_type("rcs.RunInfo").find(|topic| topic.run == run)?.get::<rcs::RunInfo>()?;
+    let given = begun.params.iter().find(|given| given.process == info.name)?;
+    in_force.schema().value(&given.params).ok()
+}
+
 fn send(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, in_force: &AnyMessage) {
     let message = draft.message(in_force);
     draft.sent(in_force, &message);
-    write(cx, info, draft, message);
+    write(cx, info, draft, in_force, message);
 }
 
-/// Writes parameters; a fault of the process that follows is shown.
-fn write(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, message: AnyMessage) {
+/// Writes parameters in place of those in force; a fault of the process that follows is shown.
+fn write(
+    cx: &mut ViewContext<'_>,
+    info: &rcs::ProcessInfo,
+    draft: &mut Draft,
+    in_force: &AnyMessage,
+    message: AnyMessage,
+) {
+    draft.written(in_force, &message, fused::awaits_map(cx.frame, info));
     draft.await_fault(cx.frame.now, cx.frame.status(info).map_or(0, |status| status.faults));
     cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
 }
@@ -231,7 +266,12 @@ fn actions(
         let button = egui::Button::new(format!("{}  {text}", icons::ICON_SEND.codepoint))
             .min_size(egui::vec2(84.0, 20.0));
         let response = ui.add_enabled(can, button).on_disabled_hover_text(why);
-        if response.on_hover_text("Send all changes as one message, which is recorded").clicked() {
+        let help = if cx.frame.runs.is_at_end {
+            "Send all changes as one message, which is recorded"
+        } else {
+            "Send all changes as one message, which is recorded and begins another run"
+        };
+        if response.on_hover_text(help).clicked() {
             send(cx, info, draft, in_force);
         }
         let drop = ui.add_enabled(draft.is_changed(), egui::Button::new("Discard"));
@@ -244,7 +284,7 @@ fn actions(
         if undo.on_hover_text("Send the parameters from before the last change").clicked()
             && let Some(before) = draft.undo(in_force)
         {
-            write(cx, info, draft, before);
+            write(cx, info, draft, in_force, before);
         }
         ui.separator();
         for (slot, name) in ["A", "B"].into_iter().enumerate() {
@@ -266,7 +306,7 @@ fn actions(
                     Some(kept) if !is_on => {
                         draft.discard();
                         draft.sent(in_force, &kept);
-                        write(cx, info, draft, kept);
+                        write(cx, info, draft, in_force, kept);
                     }
                     Some(_) => {}
                 }

@@ -1,0 +1,65 @@
+//! What the newest map of a process says of its parameters: with which weights it was fused, and whether it was made before
+//! the parameters were sent.
+
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use rcs_runtime::Role;
+use rcs_runtime::source::{Frame, Topic};
+use rcs_world::{MapMessage, Weights, weights_beside};
+use std::collections::BTreeMap;
+
+/// The weights of the newest map that differ from those of the parameters.
+#[derive(Default)]
+pub(super) struct Counting {
+    /// The parameters and the weights of the map from which they were found.
+    of: Option<(AnyMessage, Weights)>,
+    by_path: BTreeMap<String, f32>,
+}
+
+impl Counting {
+    /// By the path of the parameter. They are found again only when the parameters or the weights of the map change.
+    pub(super) fn follow(&mut self, params: &AnyMessage, fused: Option<&Weights>) -> &BTreeMap<String, f32> {
+        let is_known = match (&self.of, fused) {
+            (Some((of, weights)), Some(fused)) => of.same(params) && weights == fused,
+            (None, None) => true,
+            _ => false,
+        };
+        if !is_known {
+            self.of = fused.map(|fused| (params.clone(), fused.clone()));
+            let differing = fused.map(|fused| weights_beside(params, fused));
+            self.by_path = differing.into_iter().flatten().collect();
+        }
+        &self.by_path
+    }
+}
+
+/// The newest maps of a process, of the run of its parameters.
+fn maps<'a>(frame: &'a Frame, info: &'a rcs::ProcessInfo) -> impl Iterator<Item = &'a Topic> {
+    let run = frame.topic(&info.params_buffer).map(|params| params.run);
+    let is_its_map = move |topic: &&Topic| {
+        *topic.writer == *info.name && Some(topic.run) == run && topic.role() == Some(Role::Map)
+    };
+    frame.topics.iter().filter(is_its_map)
+}
+
+/// The weights with which the newest map of a process was fused; `None` if no map of it states them.
+pub(super) fn weights<'a>(frame: &'a Frame, info: &'a rcs::ProcessInfo) -> Option<&'a Weights> {
+    maps(frame, info).find_map(message).map(|map| &map.options().weights)
+}
+
+/// Whether the newest map of a process was made before it took its parameters.
+pub(super) fn awaits_map(frame: &Frame, info: &rcs::ProcessInfo) -> bool {
+    let params = frame.topic(&info.params_buffer).and_then(|params| params.latest.as_ref());
+    let Some(sent) = params.map(|sample| sample.header.log_time) else { return false };
+    maps(frame, info).any(|map| made_at(map).is_some_and(|made| made <= sent))
+}
+
+/// The newest map of a topic with its weights, if a process of this program has published it.
+fn message(map: &Topic) -> Option<&MapMessage> {
+    map.latest.as_ref()?.message.source()
+}
+
+/// Start of the cycle in which a map was made, where it says so, else when it was published.
+fn made_at(map: &Topic) -> Option<Stamp> {
+    let published = map.latest.as_ref()?.header.log_time;
+    Some(message(map).map_or(published, MapMessage::time))
+}
