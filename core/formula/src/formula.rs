@@ -44,18 +44,17 @@ impl FromStr for Formula {
                 fields.push(field.clone());
             }
         }
-        let parse = || {
+        let parse = || -> Result<FlatEx<Data, Operators>, exmex::ExError> {
             let expression = FlatEx::<Data, Operators>::parse(&found.text)?;
             // Some mistakes are found only when values are put in.
             expression.eval(&vec![Data::Number(0.0); found.operands.len()])?;
             Ok(expression)
         };
         // The parser is a library, which reads a text of a user.
-        let parsed: Result<_, exmex::ExError> = catch_unwind(AssertUnwindSafe(parse))
-            .unwrap_or_else(|_| Err(exmex::ExError::new("not readable")));
-        let expression = parsed.map_err(|error| FormulaError::Syntax {
+        let parsed = catch_unwind(AssertUnwindSafe(parse)).ok().and_then(Result::ok);
+        let expression = parsed.ok_or_else(|| FormulaError::Syntax {
             column: 1,
-            problem: error.to_string(),
+            problem: "not a formula, expected values with operators between them".to_owned(),
             text: text.to_owned(),
         })?;
         Ok(Self { text: text.to_owned(), fields, operands: found.operands, expression })

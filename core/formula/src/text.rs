@@ -4,6 +4,9 @@
 //! blank, operator or comma outside of brackets. A name with other characters is written in braces: `{/odd name.x}`.
 
 use crate::error::FormulaError;
+use crate::eval::{Data, Operators};
+use crate::functions::{Function, functions};
+use exmex::{MakeOperators as _, Operator};
 use rcs_msg::FieldPath;
 use std::fmt::{self, Write as _};
 
@@ -124,39 +127,77 @@ fn has_comma(text: &str) -> bool {
     false
 }
 
+/// An open parenthesis.
+struct Open<'a> {
+    /// Its place in the text.
+    at: usize,
+    /// The function of two values that awaits its comma.
+    awaits: Option<&'a str>,
+    /// Whether it had a comma.
+    two: bool,
+}
+
 /// The calls that are open. A function of two values is written between them, because the parser of operators cannot nest
 /// its calls otherwise.
 #[derive(Default)]
 struct Calls<'a> {
     /// The function of two values whose parenthesis comes next.
     next: Option<&'a str>,
-    /// For each open parenthesis the function of two values that awaits its comma, and whether one had it.
-    open: Vec<(Option<&'a str>, bool)>,
+    open: Vec<Open<'a>>,
 }
 
 impl Calls<'_> {
-    /// Adds an operator, a parenthesis or a comma to the text.
-    fn take(&mut self, c: char, text: &mut String) -> Result<(), String> {
+    /// Adds the parenthesis or the comma at this place to the text.
+    fn take(&mut self, c: char, at: usize, text: &mut String) -> Result<(), String> {
         match (c, self.open.last_mut()) {
             ('(', _) => {
                 text.push_str(if self.next.is_some() { "((" } else { "(" });
-                self.open.push((self.next.take(), false));
+                self.open.push(Open { at, awaits: self.next.take(), two: false });
             }
-            (')', Some((None, two))) => {
-                text.push_str(if *two { "))" } else { ")" });
-                self.open.pop();
+            (_, None) => {
+                let place = if c == ',' { "outside of a function" } else { "without '(' before it" };
+                return Err(format!("got {c:?} {place}"));
             }
-            (')', Some((Some(name), _))) => return Err(format!("{name} lacks its second value")),
-            (',', Some((name, two))) => {
-                let name = name.take().ok_or("expected at most two values in a function")?;
-                *two = true;
+            (',', Some(open)) => {
+                let name = open.awaits.take().ok_or("expected at most two values in a function")?;
+                open.two = true;
                 text.push_str(&[") ", name, " ("].concat());
             }
-            (',', None) => return Err("got ',' outside of a function".to_owned()),
-            (c, _) => text.push(c),
+            (_, Some(Open { awaits: Some(name), .. })) => {
+                return Err(format!("{name} lacks its second value"));
+            }
+            (_, Some(open)) => {
+                text.push_str(if open.two { "))" } else { ")" });
+                self.open.pop();
+            }
         }
         Ok(())
     }
+}
+
+/// The operator at the beginning of a text: one before a value where a value may begin (`open`), else one between two.
+fn operator(text: &str, open: bool) -> Result<&'static str, String> {
+    let operators = Operators::make();
+    let found = operators.iter().filter(|operator| text.starts_with(operator.repr()));
+    let found = found.max_by_key(|operator| operator.repr().len());
+    let expected = if open { "a value" } else { "an operator" };
+    let fits = |operator: &&Operator<'static, Data>| {
+        if open { operator.has_unary() } else { operator.has_bin() }
+    };
+    found.filter(fits).map(Operator::repr).ok_or_else(|| {
+        let got: String = found.map_or_else(|| text.chars().take(1).collect(), |got| got.repr().to_owned());
+        format!("got {got:?}, expected {expected}")
+    })
+}
+
+/// Refuses a function that has one value where it needs two, or two values (`two`) where it has one; the error says how it
+/// is called.
+fn check_values(function: &Function, two: bool) -> Result<(), String> {
+    let operators = Operators::make();
+    let fits = |operator: &Operator<'static, Data>| {
+        operator.repr() == function.name && if two { operator.has_bin() } else { operator.has_unary() }
+    };
+    if operators.iter().any(fits) { Ok(()) } else { Err(format!("expected {}", function.call)) }
 }
 
 /// The field at the beginning of a text whose topic is in braces, and its length.
@@ -178,7 +219,10 @@ fn braced(text: &str) -> Result<(Operand, usize), String> {
     Ok((Operand::Field(FieldRef { topic: text[1..end].to_owned(), path }), after))
 }
 
-/// Finds the operands of a formula.
+/// What is said of two values side by side.
+const BETWEEN: &str = "expected an operator between two values";
+
+/// Finds the operands of a formula, and refuses values, operators and parentheses that are not where they can be.
 pub(crate) fn operands(text: &str) -> Result<Operands, FormulaError> {
     let mut found = Operands { text: String::new(), operands: Vec::new() };
     let mut at = 0;
@@ -216,19 +260,20 @@ pub(crate) fn operands(text: &str) -> Result<Operands, FormulaError> {
             _ if c.is_alphabetic() || c == '_' => {
                 let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
                 let name = &rest[..end];
-                if rest[end..].trim_start().starts_with('(') {
-                    if !crate::functions::functions().iter().any(|function| function.name == name) {
-                        let known: Vec<_> = crate::functions::functions().iter().map(|f| f.name).collect();
+                if open && rest[end..].trim_start().starts_with('(') {
+                    let Some(function) = functions().iter().find(|function| function.name == name) else {
+                        let known: Vec<_> = functions().iter().map(|function| function.name).collect();
                         let problem = format!("got {name:?}, expected one of {}", known.join(", "));
                         return Err(fail(at, problem));
-                    }
-                    if has_comma(&rest[end..]) {
+                    };
+                    let two = has_comma(&rest[end..]);
+                    check_values(function, two).map_err(|problem| fail(at, problem))?;
+                    if two {
                         calls.next = Some(name);
                     } else {
                         found.text.push_str(name);
                     }
                     at += end;
-                    open = true;
                     continue;
                 }
                 let operand = match name {
@@ -241,22 +286,37 @@ pub(crate) fn operands(text: &str) -> Result<Operands, FormulaError> {
         };
         if let Some((operand, length)) = operand {
             if !open {
-                return Err(fail(at, "expected an operator between two values".to_owned()));
+                return Err(fail(at, BETWEEN.to_owned()));
             }
             let _ = write!(found.text, "v{:04}", found.operands.len());
             found.operands.push(operand);
             at += length;
             open = false;
-        } else if "+-*/%^<>=!&|(),".contains(c) {
-            calls.take(c, &mut found.text).map_err(|problem| fail(at, problem))?;
+        } else if "(),".contains(c) {
+            if (c == '(') != open {
+                let problem = if open { format!("got {c:?}, expected a value") } else { BETWEEN.to_owned() };
+                return Err(fail(at, problem));
+            }
+            calls.take(c, at, &mut found.text).map_err(|problem| fail(at, problem))?;
             at += c.len_utf8();
             open = c != ')';
+        } else if "+-*/%^<>=!&|".contains(c) {
+            let operator = operator(rest, open).map_err(|problem| fail(at, problem))?;
+            found.text.push_str(operator);
+            at += operator.len();
+            open = true;
         } else {
             return Err(fail(at, format!("got {c:?}, expected a value or an operator")));
         }
     }
     if found.operands.is_empty() {
         return Err(fail(0, "expected a field such as /wm1/status.cycle".to_owned()));
+    }
+    if open {
+        return Err(fail(text.trim_end().len(), "expected a value".to_owned()));
+    }
+    if let Some(unclosed) = calls.open.last() {
+        return Err(fail(unclosed.at, "'(' without ')' after it".to_owned()));
     }
     Ok(found)
 }

@@ -110,6 +110,27 @@ fn a_wrong_text_is_refused_and_says_where() {
 }
 
 #[test]
+fn a_mistake_in_operators_parentheses_or_calls_is_told_with_its_column() {
+    for (text, said) in [
+        ("/fix.latitude + * 2", "17: got \"*\", expected a value"),
+        ("/fix.latitude +", "16: expected a value"),
+        ("(/fix.latitude", "1: '(' without ')' after it"),
+        ("/fix.latitude)", "14: got ')' without '(' before it"),
+        ("2 + sine(/fix.latitude, 2)", "5: expected sine(a)"),
+        ("minimum(/fix.latitude)", "1: expected minimum(a, b)"),
+        ("2 smooth(/fix.latitude)", "3: expected an operator between two values"),
+        ("(/fix.latitude) (2)", "17: expected an operator between two values"),
+        ("2 + ()", "6: got ')', expected a value"),
+        ("minimum(, 2)", "9: got ',', expected a value"),
+        ("2 ! 3", "3: got \"!\", expected an operator"),
+        ("2 & 3", "3: got \"&\", expected an operator"),
+    ] {
+        let error = text.parse::<Formula>().unwrap_err().to_string();
+        assert_eq!(error, format!("formula, column {said}: {text:?}"));
+    }
+}
+
+#[test]
 fn a_name_that_an_enum_does_not_have_is_refused_and_a_state_that_no_message_has_had_is_not() {
     let value = |text: &str| {
         let formula: Formula = text.parse().unwrap();

@@ -29,6 +29,9 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         .map(|text| text.parse())
         .collect::<Result<_, _>>()
         .map_err(|error| usage(format!("{error}")))?;
+    if let Some(constant) = formulas.iter().find(|formula| formula.fields().is_empty()) {
+        return Err(usage(format!("got {constant}, expected a formula with a field")));
+    }
     let log = stacks::open_log(&args.log)?;
     if let Some(whole) = formulas.iter().flat_map(Formula::fields).find(|field| is_whole(field)) {
         return Err(usage(without_field(&log, &whole.topic)));
@@ -85,7 +88,9 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     };
     output::write(&args.output, &bytes, args.force)?;
     for (name, points) in &columns {
-        writeln!(out, "{name}: {} values", format::count(points.len() as u64))?;
+        // The cell of a value that is not a number is empty.
+        let values = points.values.iter().filter(|value| !value.is_nan()).count();
+        writeln!(out, "{name}: {} values", format::count(values as u64))?;
     }
     let problem = |series: &FieldSeries| Some(format!("{}: {}", series.field, series.problem.as_deref()?));
     let mut problems: Vec<String> = all().filter_map(problem).collect();

@@ -4,7 +4,7 @@
 //! program has recorded it, else its own stamp, else its `publish_time`, unless that repeats the `log_time`. Where there is
 //! none of them, or the stamps are after the log time or long before it, as those of another clock are, a buffer has no age,
 //! and the reason is said. A hop is from a process's input to its output: messages belong together that tell of the same
-//! moment.
+//! moment. Where one of the two buffers has no age, there is none, because their stamps are of two clocks.
 //!
 //! A buffer with several writers does not say which of them wrote a message. Each process publishes what it wrote, and
 //! then its status, at one time: the writer is the one whose status comes next.
@@ -243,15 +243,22 @@ impl Ages {
     }
 
     fn report(&self) -> Report {
+        let age = |counted: &Counted| Spread::of_ages(counted.messages, &counted.ages_ns);
+        let ageless = self.buffers.iter().filter(|(_, counted)| age(counted).reason.is_some());
+        let ageless: BTreeSet<&str> = ageless.map(|((buffer, _), _)| buffer.as_str()).collect();
+        // Stamps of two clocks are equal by chance only.
+        let have_one_clock = |a: &str, b: &str| ageless.contains(a) == ageless.contains(b);
         let of_hop = |took: &Vec<i64>| Spread::of_durations(took.len(), took);
         let hops = |key: &(String, String)| {
-            let of = self.hops.iter().filter(|((buffer, writer, _), _)| (buffer, writer) == (&key.0, &key.1));
+            let of = self.hops.iter().filter(|((buffer, writer, from), _)| {
+                (buffer, writer) == (&key.0, &key.1) && have_one_clock(from, buffer)
+            });
             of.map(|((_, _, from), took)| HopReport { from: from.clone(), took: of_hop(took) }).collect()
         };
         let buffer = |(key, counted): (&(String, String), &Counted)| BufferReport {
             buffer: key.0.clone(),
             writer: key.1.clone(),
-            age: Spread::of_ages(counted.messages, &counted.ages_ns),
+            age: age(counted),
             hops: hops(key),
         };
         Report { buffers: self.buffers.iter().map(buffer).collect() }
@@ -360,6 +367,27 @@ mod tests {
         };
         assert_eq!(line("/boot"), "/boot 1 – – – stamps more than an hour before the log time");
         assert_eq!(line("/own"), "/own 1 125.0 ms 125.0 ms 125.0 ms");
+    }
+
+    #[test]
+    fn there_is_no_hop_between_buffers_whose_stamps_are_of_two_clocks() {
+        const S: u64 = 1_000_000_000;
+        let port = |buffer: &str| rcs::PortInfo { buffer: buffer.to_owned(), ..rcs::PortInfo::default() };
+        let inputs = ["/ahead", "/in"].map(port).into();
+        let reader = rcs::ProcessInfo { name: "reader".to_owned(), inputs, ..rcs::ProcessInfo::default() };
+        let mut ages = Ages::default();
+        ages.processes.insert(reader.name.clone(), reader);
+        for log_ns in (10..20).map(|second| second * S) {
+            for (input, stamp_ns) in [("/ahead", log_ns + 3 * S), ("/in", log_ns)] {
+                ages.seen.entry(input.to_owned()).or_default().insert(stamp_ns, log_ns);
+                ages.count(input.to_owned(), String::new(), log_ns, Some(stamp_ns));
+            }
+            ages.count("/out".to_owned(), "reader".to_owned(), log_ns, Some(log_ns));
+        }
+        let report = ages.report();
+        let out = report.buffers.iter().find(|buffer| buffer.buffer == "/out").unwrap();
+        let from: Vec<&str> = out.hops.iter().map(|hop| hop.from.as_str()).collect();
+        assert_eq!(from, ["/in"]);
     }
 
     #[test]

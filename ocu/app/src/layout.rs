@@ -188,6 +188,11 @@ impl Layout {
         fields.dedup();
         fields
     }
+
+    /// Whether it has a view of this kind.
+    pub(crate) fn has_view(&self, kind: &str) -> bool {
+        self.root.has_view(kind)
+    }
 }
 
 /// An error near a piece of the text.
@@ -261,6 +266,14 @@ impl Node {
                     }
                 }
             }
+        }
+    }
+
+    fn has_view(&self, wanted: &str) -> bool {
+        match self {
+            Self::Row(tiles) | Self::Column(tiles) => tiles.iter().any(|(_, tile)| tile.has_view(wanted)),
+            Self::Grid(tiles) | Self::Tabs { tiles, .. } => tiles.iter().any(|tile| tile.has_view(wanted)),
+            Self::View { kind, .. } => kind == wanted,
         }
     }
 

@@ -48,6 +48,11 @@ pub(crate) fn fitting(frame: &Frame) -> Layout {
     Layout { name: has.name(), buffers: !has.vehicle, root, ..Layout::empty() }
 }
 
+/// The layout for a source that is compared with another one: the view *Compare* alone.
+pub(crate) fn comparing() -> Layout {
+    Layout { name: "compare".to_owned(), buffers: false, root: view("compare"), ..Layout::empty() }
+}
+
 /// What a source has.
 struct Content {
     cameras: Vec<TopicKey>,

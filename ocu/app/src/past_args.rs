@@ -10,7 +10,8 @@ pub struct PastArgs {
     /// Memory for the past of a run and for the pictures of it, like 512MiB; 1GiB by default
     #[arg(long, value_name = "SIZE", value_parser = parse_memory)]
     pub memory: Option<u64>,
-    /// Disk that the past of a run may take, like 20GiB, or 0 for none; 4GiB by default
+    /// Disk that the past of a run may take, like 20GiB, or 0 for none; 4GiB by default. What does not fit is computed again
+    /// when it is viewed
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub disk: Option<u64>,
     /// Folder for what of the past is on disk, by default in the user's cache

@@ -4,7 +4,7 @@
 use crate::cli::{RenderArgs, Size};
 use crate::kept_layouts;
 use crate::layout::{Layout, data_dir};
-use crate::layout_fit::fitting;
+use crate::layout_fit::{comparing, fitting};
 use crate::offscreen::Painter;
 use crate::open::Request;
 use crate::output::{self, Files};
@@ -48,7 +48,10 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<Ended> {
         let path = args.output.display();
         return Err(usage(format!("--output is {path}; expected a .png file, or a .gif file with --to")));
     }
-    let layout = layout.map(|spec| kept_layouts::named(spec, data_dir().as_deref())).transpose()?;
+    let mut layout = layout.map(|spec| kept_layouts::named(spec, data_dir().as_deref())).transpose()?;
+    if args.against.is_some() && !layout.get_or_insert_with(comparing).has_view("compare") {
+        return Err(usage("--against is for the view Compare; expected a layout with it, or none"));
+    }
     let request = Request {
         log: args.log.clone(),
         stack: args.stack.clone(),
@@ -60,7 +63,6 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<Ended> {
     let log = stacks::log_of(&request)?;
     let mut source = open_with(&request, log.as_ref(), &fields, args.against.as_deref())?;
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
-    let mut layout = layout;
     let mut picture = |at_s: f64| {
         let frame = Arc::new(seek(&mut *source, at_s)?);
         // Without a layout, the one that the window would open.

@@ -175,25 +175,37 @@ fn reads_nothing(plan: &Plan, log: &Log) -> Option<String> {
     })
 }
 
-/// Warns of a stack that reads nothing of a recording, and of parameters that the operator sent during the recorded run
-/// that it reads: the stack has its own ones.
-pub(crate) fn warn_of_recording(plan: &Plan, log: &Log) {
-    if let Some(warning) = reads_nothing(plan, log) {
-        tracing::warn!("{warning}");
+/// What is told of a stack on a recording: that it reads nothing of it, and which processes of the recorded run had other
+/// parameters, from its start on or sent by the operator: the stack has its own ones.
+pub(crate) fn warnings_on(plan: &Plan, log: &Log) -> Vec<String> {
+    let mut warnings: Vec<String> = reads_nothing(plan, log).into_iter().collect();
+    let Ok(recorded) = RecordedRun::read(log, rcs_plugins::all()) else { return warnings };
+    let names = |is_meant: &dyn Fn(&ProcessPlan) -> bool| {
+        let meant = plan.processes.iter().filter(|process| is_meant(process));
+        meant.map(|process| &*process.name).collect::<Vec<&str>>().join(", ")
+    };
+    let run = recorded.info();
+    // Another stack has parameters of its own.
+    let began = names(&|process: &ProcessPlan| {
+        let theirs = run.params.iter().find(|theirs| *theirs.process == *process.name);
+        run.stack == plan.file.name() && theirs.is_some_and(|theirs| theirs.params != process.params.bytes())
+    });
+    if !began.is_empty() {
+        warnings.push(format!(
+            "the recorded run began with other parameters of {began}: ocu run --replay repeats them"
+        ));
     }
-    let Ok(recorded) = RecordedRun::read(log, rcs_plugins::all()) else { return };
-    let is_sent = |process: &&ProcessPlan| {
+    let sent = names(&|process: &ProcessPlan| {
         let buffer = &plan.buffers[process.params_buffer].spec.name;
         recorded.journal().events().iter().any(|event| *buffer == *event.buffer)
-    };
-    let sent: Vec<&str> = plan.processes.iter().filter(is_sent).map(|process| &*process.name).collect();
+    });
     if !sent.is_empty() {
-        tracing::warn!(
-            "parameters that the operator sent to {} during the recorded run are not in force in a run on it; it has \
-             those of the stack and of --param",
-            sent.join(", ")
-        );
+        warnings.push(format!(
+            "parameters that the operator sent to {sent} during the recorded run are not in force in a run on it; it has \
+             those of the stack and of --param"
+        ));
     }
+    warnings
 }
 
 /// Opens a source: a recording, a stack on a recording, or a stack alone (on a course if it is a simulation).
@@ -213,9 +225,9 @@ pub(crate) fn open_on(request: &Request, log: Option<&Log>) -> anyhow::Result<Bo
     let remembered = request.remembered.as_deref().cloned().unwrap_or_default();
     let course = course_on(stack, request.course.as_deref(), log);
     let mut plan = plan_with(stack, course.as_deref(), &[], &remembered)?;
-    let warning = log.and_then(|log| reads_nothing(&plan, log));
+    let warnings = log.map(|log| warnings_on(&plan, log)).unwrap_or_default();
     if let Some(plan) = Arc::get_mut(&mut plan) {
-        plan.warnings.extend(warning);
+        plan.warnings.extend(warnings);
     }
     let seed = seed_on(request.seed, log);
     let options = RunOptions { seed, past: request.past.options(), ..options() };

@@ -137,8 +137,8 @@ impl<'a> Prepared<'a> {
         // Whether a fault fits depends on processes, buffers and schemas, which all runs have in common.
         if let Some(first) = variants.first() {
             acts::check_faults(&first.plan, log.as_ref(), &first.acts)?;
-            if let Some(log) = &log {
-                stacks::warn_of_recording(&first.plan, log);
+            for warning in log.iter().flat_map(|log| stacks::warnings_on(&first.plan, log)) {
+                tracing::warn!("{warning}");
             }
         }
         check_files(args, &variants)?;

@@ -45,6 +45,7 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
     }
     for (field, part) in [
         ("/absent.x", "the log has no topic /absent"),
+        ("1", "got 1, expected a formula with a field"),
         ("/localization/local.pose.altitude", "no field \"altitude\""),
         ("smoth(/localization/local.pose.position.x)", "got \"smoth\", expected one of smooth"),
         ("/localization/local.pose", "got a message, expected a number"),
@@ -60,6 +61,10 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
     }
     let (code, _, errors) = ocu(&["export", text(&log), "--fields", X, "-o", text(&csv)]);
     assert_eq!((code, errors.contains("exists already")), (2, true), "{errors}");
+    // What is not in a message has an empty cell, and is no value.
+    let beyond = "/vehicle/gps.position_covariance[9]";
+    let (code, told, errors) = ocu(&["export", text(&log), "--fields", beyond, "-o", text(&csv), "--force"]);
+    assert!(code == 0 && told.starts_with(&format!("{beyond}: 0 values")), "{code} {told}{errors}");
     // A text that no message has may come later, and so may a state that the enum has.
     let absent =
         ["/localization/local.frame_id == nowhere", "/vehicle/gps.position_covariance_type == UNKNOWN"];
@@ -183,6 +188,23 @@ fn render_draws_the_same_picture_twice_without_a_display() {
     colours.dedup();
     assert!(colours.len() > 500, "{} colours: a camera picture has more", colours.len());
     assert!(a == b, "the two pictures differ");
+}
+
+#[test]
+fn render_against_another_recording_draws_the_view_that_compares_and_refuses_a_layout_without_it() {
+    let (dir, path) = recording();
+    let draw = |name: &str, change: &[&str]| {
+        let png = dir.path().join(name);
+        let args = ["render", text(&path), "--at", "1", "--size", "640x400", "-o", text(&png)];
+        let (code, _, errors) = ocu(&[&args[..], change].concat());
+        (code, errors, image::open(&png).ok().map(|picture| picture.to_rgba8()))
+    };
+    let (code, errors, refused) = draw("a.png", &["--against", text(&path), "--layout", "default"]);
+    assert!(code == 2 && errors.contains("--against is for the view Compare"), "{code} {errors}");
+    assert!(refused.is_none());
+    let (code, errors, compared) = draw("b.png", &["--against", text(&path)]);
+    assert!(code == 0 && compared.is_some(), "{code} {errors}");
+    assert!(compared != draw("c.png", &[]).2, "the layout that fits has no such view");
 }
 
 #[test]

@@ -475,6 +475,10 @@ fn a_stack_on_a_recorded_run_says_that_parameters_which_were_sent_in_that_run_ar
         let (_, _, errors) = ocu(&[&[command][..], &on_it].concat());
         assert!(errors.contains(said), "{command}: {errors}");
     }
+    let (shown, stack) = (Some(log.clone().into()), Some("replay".to_owned()));
+    let request = ocu_app::open::Request { log: shown, stack, ..Default::default() };
+    let problems = ocu_app::stacks::open(&request).unwrap().info().problems.concat();
+    assert!(problems.contains(said), "{problems}");
     let (code, _, errors) = ocu(&["run", "--replay", &log]);
     assert!(code == 0 && !errors.contains("not in force"), "{code} {errors}");
 }
@@ -506,15 +510,39 @@ fn a_stack_that_reads_nothing_of_a_recording_says_so_unless_it_repeats_the_recor
     let log = recording_of_hill(folder.path());
     let says = |stack: &str| {
         let args = ["run", "--stack", stack, "--log", log.to_str().unwrap(), "--until", "0.1"];
-        let (_, _, errors) = ocu(&args);
+        let (_, report, errors) = ocu(&[&args[..], &["--json"]].concat());
         let (log, stack) = (Some(log.clone()), Some(stack.to_owned()));
         let request = ocu_app::open::Request { log, stack, ..Default::default() };
         let problems = ocu_app::stacks::open(&request).unwrap().info().problems.concat();
-        [errors, problems].map(|text| text.contains("reads nothing of the recording"))
+        [errors, report, problems].map(|text| text.matches("reads nothing of the recording").count())
     };
-    assert_eq!(says("truth_driver"), [true, true]);
-    assert_eq!(says("simulation"), [false, false]);
-    assert_eq!(says("replay"), [false, false]);
+    assert_eq!(says("truth_driver"), [1, 1, 1]);
+    assert_eq!(says("simulation"), [0, 0, 0]);
+    assert_eq!(says("replay"), [0, 0, 0]);
+}
+
+#[test]
+fn a_stack_on_its_own_recording_says_that_the_run_began_with_other_parameters() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (plain, other) = (path("plain.mcap"), path("other.mcap"));
+    let simulation = ["run", "--stack", "simulation", "--json"];
+    let record = |log: &str, param: &[&str]| {
+        run(&[&simulation[..], &["--until", "0.3", "--record", log], param].concat(), 0);
+    };
+    let param = ["--param", "wm1.publish_hz=8"];
+    record(&plain, &[]);
+    record(&other, &param);
+    let warnings = |log: &str, param: &[&str]| {
+        let done = run(&[&simulation[..], &["--until", "0.1", "--log", log], param].concat(), 0);
+        let warnings = done["warnings"].as_array().unwrap().iter();
+        let is_meant = |warning: &&serde_json::Value| warning.as_str().unwrap().contains("began with");
+        warnings.filter(is_meant).cloned().collect::<Vec<_>>()
+    };
+    let said = "the recorded run began with other parameters of wm1: ocu run --replay repeats them";
+    assert_eq!(warnings(&other, &[]), [said]);
+    assert_eq!(warnings(&other, &param), [""; 0]);
+    assert_eq!(warnings(&plain, &[]), [""; 0]);
 }
 
 #[test]

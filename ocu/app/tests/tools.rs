@@ -57,6 +57,20 @@ fn a_buffer_to_which_nothing_was_written_is_told_and_hinders_neither_other_files
 }
 
 #[test]
+fn a_buffer_that_the_stack_does_not_have_is_refused_before_anything_runs() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("run.mcap");
+    let saved = format!("/nosuch={}", text(&file));
+    let recorded = ["--record", text(&file), "--record-what", "/vehicle/imu,/nosuch"];
+    for (args, purpose) in [(&["--save", &saved][..], "save"), (&recorded[..], "record")] {
+        let run = ["run", "--stack", "truth_driver", "--until", "0.1"];
+        let (code, _, errors) = ocu(&[&run[..], args].concat());
+        let said = format!("there is no buffer /nosuch to {purpose} in the stack truth_driver");
+        assert!(code == 2 && errors.contains(&said) && !file.exists(), "{code} {errors}");
+    }
+}
+
+#[test]
 fn a_report_of_several_runs_says_what_is_of_the_last_one_and_the_help_says_what_each_is_handed() {
     let told = |more: &[&str]| {
         let run = ["run", "--stack", "simulation", "--course", "meadow", "--until", "0.3"];
@@ -333,14 +347,23 @@ fn a_check_tells_what_is_probably_not_meant() {
 }
 
 #[test]
-fn a_run_tells_once_and_not_in_its_report_what_is_probably_a_mistake_in_the_stack() {
+fn a_run_tells_once_and_in_its_json_what_is_probably_a_mistake_in_the_stack() {
     let (_dir, log, stack) = depth_without_calibration();
     let plain = std::fs::read_to_string(&stack).unwrap();
     std::fs::write(&stack, plain + "params = { mount = { height_m = 1.5 } }\n").unwrap();
     let (code, out, errors) = ocu(&["run", "--stack", text(&stack), "--log", text(&log), "--json"]);
     assert_eq!(code, 0, "{errors}");
     assert_eq!(errors.matches("obstacles: mount.height_m is set").count(), 1, "{errors}");
-    assert!(json(&out)["warnings"].is_array() && !out.contains("mount.height_m"), "{out}");
+    let report = json(&out);
+    let is_told = |text: &&str| text.starts_with("obstacles: mount.height_m is set");
+    assert_eq!(strings(&report["warnings"]).into_iter().filter(is_told).count(), 1, "{out}");
+    // It is no fault of a process, and with --runs each warning of a run has its seed.
+    let runs = ["run", "--stack", text(&stack), "--log", text(&log), "--runs", "2"];
+    let (code, out, errors) = ocu(&runs);
+    assert!(code == 0 && !out.contains("mount.height_m"), "{errors}{out}");
+    for seed in ["warning: seed 0: obstacles could use", "warning: seed 1: obstacles could use"] {
+        assert!(out.contains(seed), "{out}");
+    }
 }
 
 #[test]

@@ -195,11 +195,13 @@ impl Session {
                 }
             };
             if let Some(error) = failed {
-                // A disk that is full because of its budget is thinned at once; a disk that is full by itself may stay
-                // so.
+                // A disk that is full because of its budget is thinned at once, and what is dropped is computed again;
+                // a disk that is full by itself may stay so.
                 let by_budget = error.contains(super::disk::OVER_BUDGET);
                 self.retention.pause = if by_budget { 2 } else { PAUSE };
-                self.retention.report(format!("the past could not be written to disk: {error}"));
+                if !by_budget {
+                    self.retention.report(format!("the past could not be written to disk: {error}"));
+                }
             }
         }
     }

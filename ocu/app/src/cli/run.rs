@@ -20,8 +20,8 @@ use std::sync::Arc;
                         The result depends on the log, the stack, the parameters and the seed alone: \
                         the hash is the same on every run and for any number of threads. A live run depends on the \
                         computer, too; its recording repeats it with the same hash. A stack on the recording of a run has \
-                        the parameters of the stack and of --param; those that were sent during the recorded run are in \
-                        force with --replay only, and a warning names their processes.\n\n\
+                        the parameters of the stack and of --param; others that the recorded run began with, or that \
+                        were sent during it, are in force with --replay only, and a warning names their processes.\n\n\
                         --acts gives what an operator does, as a JSON list: [{\"at_s\": 1, \"buffer\": \
                         \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}]. \
                         Without until_s, it is repeated to the end of the run.\n\n\

@@ -14,9 +14,9 @@ use std::path::PathBuf;
                         --param wm1.sources[0].weight=0.2,0.4,0.8\n\n\
                         Each line of the table can be repeated with ocu run, its parameters and its seed: the hash is \
                         the same. On the recording of a run, all runs have the parameters of the stack and of \
-                        --param; those that were sent during the recorded run are not in force, and a warning names \
-                        their processes. Exit codes: 0 every run came to its end, whatever its outcome; 1 one could not; \
-                        2 the sweep was refused, or a file cannot be opened; 3 the recording is damaged.")]
+                        --param; others that the recorded run began with, or that were sent during it, are not in \
+                        force, and a warning names their processes. Exit codes: 0 every run came to its end, whatever \
+                        its outcome; 1 one could not; 2 the sweep was refused, or a file cannot be opened; 3 the recording is damaged.")]
 pub struct SweepArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK")]

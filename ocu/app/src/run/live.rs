@@ -17,12 +17,14 @@ use std::time::{Duration, Instant};
 /// Interval at which the referee is checked.
 const ASK_EVERY: Duration = Duration::from_millis(100);
 
-/// Runs the stack until `--until` or until the referee of a course has decided, and prints the report.
+/// Runs the stack until `--until` or until the referee of a course has decided, and prints the report; `told` are the
+/// warnings before the run.
 pub(super) fn run(
     args: &RunArgs,
     plan: Arc<Plan>,
     referee: Option<usize>,
     acts: &[Act],
+    told: Vec<String>,
     out: &mut dyn Write,
 ) -> anyhow::Result<Ended> {
     let is_late = |change: &Override| change.fault.as_ref().is_some_and(|fault| fault.kind() == Kind::Late);
@@ -77,7 +79,7 @@ pub(super) fn run(
     let verdict = referee.as_ref().and_then(runs::verdict);
     report.runs.extend(verdict.map(|verdict| RunReport::new(seed, &verdict, report.hash.clone())));
     let memory = crate::remembered::Remembered::default();
-    Done { report, verdict: None, failure, unsaved: None, memory }.print(args, out)
+    Done { report, verdict: None, failure, unsaved: None, memory }.print(args, told, out)
 }
 
 /// Executes the actions of the operator, each at its times, until the end. Returns warnings about those that it did not

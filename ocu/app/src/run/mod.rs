@@ -33,26 +33,19 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let (plan, course) = plan(args, log.as_ref())?;
     check_assets(args, files)?;
     runs::check(&plan, log.as_ref(), args.until, args.course.is_some())?;
-    for warning in &plan.warnings {
+    let mut told = plan.warnings.clone();
+    told.extend(log.iter().flat_map(|log| stacks::warnings_on(&plan, log)));
+    for warning in &told {
         tracing::warn!("{warning}");
     }
-    if let Some(log) = &log {
-        stacks::warn_of_recording(&plan, log);
-    }
-    if let Some(save) = args.save.iter().find(|save| !has_buffer(&plan, &save.buffer)) {
-        return Err(usage(format!(
-            "there is no buffer {} to save in the stack {}",
-            save.buffer,
-            plan.file.name()
-        )));
-    }
+    check_buffers(args, &plan)?;
     let mut acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
     acts.extend(faults::acts(&args.faults.faults, &plan)?);
     acts.sort_by_key(|act| act.at_ns);
     acts::check_faults(&plan, log.as_ref(), &acts)?;
     if args.live {
         let referee = runs::referee(&plan);
-        return live::run(args, plan, referee, &acts, out);
+        return live::run(args, plan, referee, &acts, told, out);
     }
     let seed = stacks::seed_on(args.seed, log.as_ref());
     let mut stack = Ready { args, plan, course, log, acts };
@@ -60,7 +53,11 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut recordings = recordings(args).into_iter();
     let mut runs = Vec::new();
     let mut done = stack.run(seed, recordings.next())?;
-    let mut warnings = std::mem::take(&mut done.report.warnings);
+    let of_seed = |seed: u64, text: String| {
+        if args.runs > 1 { format!("seed {seed}: {text}") } else { text }
+    };
+    let mut warnings: Vec<String> =
+        done.report.warnings.drain(..).map(|warning| of_seed(seed, warning)).collect();
     runs.extend(done.verdict.take());
     let mut outcome = done.report.outcome;
     for more in 1..args.runs {
@@ -68,7 +65,8 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
             break;
         }
         // What the last report, which is printed, does not say.
-        warnings.extend(done.report.errors().map(|error| format!("run {more}: {error}")));
+        let before = seed.wrapping_add(u64::from(more) - 1);
+        warnings.extend(done.report.errors().map(|error| of_seed(before, error)));
         let seed = seed.wrapping_add(more.into());
         memory.add(std::mem::take(&mut done.memory));
         match stack.run_again(&memory, seed, recordings.next()) {
@@ -78,14 +76,14 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
                 break;
             }
         }
-        warnings.extend(done.report.warnings.drain(..).map(|warning| format!("seed {seed}: {warning}")));
+        warnings.extend(done.report.warnings.drain(..).map(|warning| of_seed(seed, warning)));
         runs.extend(done.verdict.take());
         outcome = outcome.max(done.report.outcome);
     }
     done.report.runs = runs;
     done.report.warnings = warnings;
     done.report.outcome = outcome;
-    done.print(args, out)
+    done.print(args, told, out)
 }
 
 /// Collects the files named by the arguments; refuses outputs onto any of them before anything is opened.
@@ -149,8 +147,17 @@ fn remembered(args: &RunArgs) -> Remembered {
     args.remembered.as_deref().cloned().unwrap_or_default()
 }
 
-fn has_buffer(plan: &Plan, name: &str) -> bool {
-    plan.buffers.iter().any(|buffer| buffer.spec.name == name)
+/// Refuses `--save` and `--record-what` of buffers that the stack does not have.
+fn check_buffers(args: &RunArgs, plan: &Plan) -> anyhow::Result<()> {
+    let recorded: &[String] = match &args.record_what {
+        Some(RecordWhat::Buffers(names)) => names,
+        _ => &[],
+    };
+    let saved = args.save.iter().map(|save| (&save.buffer, "save"));
+    let mut named = saved.chain(recorded.iter().map(|name| (name, "record")));
+    let has_buffer = |name: &str| plan.buffers.iter().any(|buffer| buffer.spec.name == name);
+    let Some((name, purpose)) = named.find(|(name, _)| !has_buffer(name)) else { return Ok(()) };
+    Err(usage(format!("there is no buffer {name} to {purpose} in the stack {}", plan.file.name())))
 }
 
 /// The file of each run that `--record` writes; none without it. Those of several runs are numbered from 1 with a hyphen,
@@ -234,12 +241,16 @@ impl Done {
         Self { report, verdict, failure, unsaved, memory }
     }
 
-    /// Prints the report. What went wrong is told whether or not anybody reads it.
-    fn print(self, args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
+    /// Prints the report. As JSON it has the warnings that were told before the run (`told`), too. What went wrong is told
+    /// whether or not anybody reads it.
+    fn print(self, args: &RunArgs, told: Vec<String>, out: &mut dyn Write) -> anyhow::Result<Ended> {
         let failure = self.failure.or(self.unsaved);
         let mut report = self.report.judged(args.fail_on_fault);
         if failure.is_some() {
             report.outcome = Outcome::Error;
+        }
+        if args.json {
+            report.warnings.extend(told);
         }
         let printed = crate::despite_closed_output(report.print(args.json, args.runs > 1, out));
         if let Some(error) = failure {

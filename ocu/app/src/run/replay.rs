@@ -1,7 +1,7 @@
 //! `ocu run --replay`: repeats a recorded run and compares it with the recording.
 
 use super::report::{LogDamage, Outcome};
-use super::{Done, check_assets, overrides, plan, record};
+use super::{Done, check_assets, check_buffers, overrides, plan, record};
 use crate::assets::ProgramAssets;
 use crate::cli::RunArgs;
 use crate::comparison::Comparison;
@@ -42,6 +42,7 @@ pub(super) fn run(
         None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,
     };
     check_assets(args, files)?;
+    check_buffers(args, &asked)?;
     recorded.check(&asked, args.seed).map_err(refused)?;
     let base = stacks::options();
     let threads = args.threads.map_or(base.threads, usize::from);
@@ -65,7 +66,7 @@ pub(super) fn run(
     done.report.log = LogDamage::of(&original).or(done.report.log);
     done.report.runs.extend(done.verdict.take());
     done.report.replay = Some(comparison);
-    let ended = done.print(args, out)?;
+    let ended = done.print(args, Vec::new(), out)?;
     Ok(if equal { ended } else { Ended::Failed })
 }
 

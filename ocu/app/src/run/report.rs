@@ -30,7 +30,7 @@ pub(super) struct Report {
     time_s: f64,
     wall_s: f64,
     processes: Vec<ProcessReport>,
-    /// Processes that did nothing useful, and why.
+    /// Processes that did nothing useful, and why; what the run did not reach; as JSON also what was told before the run.
     pub(super) warnings: Vec<String>,
     buffers: Vec<BufferReport>,
     pub(super) hash: String,
