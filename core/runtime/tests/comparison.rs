@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{PAIR, plan, seconds, stepped};
+use common::{PAIR, plan, seconds, stepped, write_log};
 use rcs_msg::AnyMessage;
 use rcs_runtime::source::{Compared, Comparison, LogSource, Source, StackSource, Task, finish_idle};
 use rcs_runtime::{PastOptions, RecordOptions, Recording, RunId, RunOptions, diff};
@@ -104,7 +104,11 @@ fn runs_are_compared_from_disk_and_what_was_not_kept_is_named() {
 }
 
 fn record(path: &Path, publish_hz: Option<f64>) {
-    let mut run = stepped(PAIR, RunOptions { seed: 7, ..RunOptions::default() });
+    record_stack(PAIR, path, publish_hz);
+}
+
+fn record_stack(stack: &str, path: &Path, publish_hz: Option<f64>) {
+    let mut run = stepped(stack, RunOptions { seed: 7, ..RunOptions::default() });
     let options = RecordOptions { lossless: true, ..RecordOptions::default() };
     let recording = Recording::start(path, run.plan(), run.buffers(), &options).unwrap();
     run.begin().unwrap();
@@ -150,6 +154,51 @@ fn two_recordings_are_compared_to_their_ends_and_the_first_difference_is_that_of
     source.against(&[folder.path().join("absent")]);
     let problem = compared(&mut source, sides).problem.unwrap();
     assert!(problem.contains("absent"), "{problem}");
+}
+
+#[test]
+fn recordings_without_a_common_buffer_are_not_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
+    write_log(&one, &[(0.0, "/a", 1.0), (1.0, "/a", 2.0)]);
+    write_log(&other, &[(0.0, "/b", 1.0), (1.0, "/b", 2.0)]);
+    let mut source = LogSource::open(&one).unwrap();
+    source.against(std::slice::from_ref(&other));
+    let comparison = compared(&mut source, [Compared::Recorded, Compared::Other]);
+    let problem = comparison.problem.unwrap();
+    assert!(problem.contains("no buffer in common"), "{problem}");
+    assert_eq!((comparison.until, comparison.left_out), (None, [1, 1]));
+}
+
+#[test]
+fn a_run_that_goes_past_the_end_of_an_equal_recording_has_no_difference() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    record(&path, None);
+    let end = rcs_log::Log::open(&path).unwrap().info().end;
+    let mut source = source(PastOptions::default());
+    source.against(std::slice::from_ref(&path));
+    go(&mut source, 3.0);
+    for sides in [[Compared::Run(RunId(0)), Compared::Other], [Compared::Other, Compared::Run(RunId(0))]] {
+        let comparison = compared(&mut source, sides);
+        assert_eq!(buffers(&comparison), Vec::<&str>::new());
+        assert_eq!((comparison.until, comparison.recording_end), (Some(end), Some(end)));
+    }
+}
+
+#[test]
+fn the_initial_parameters_of_a_run_are_compared_with_those_of_a_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let other = PAIR.replace("latency_ms = 3", "latency_ms = 3\nparams = { publish_hz = 3.0 }");
+    record_stack(&other, &path, None);
+    let mut source = source(PastOptions::default());
+    source.against(std::slice::from_ref(&path));
+    go(&mut source, 1.0);
+    let comparison = compared(&mut source, [Compared::Run(RunId(0)), Compared::Other]);
+    let first = comparison.differences.first().unwrap();
+    assert_eq!((first.buffer.as_str(), first.field.as_str()), ("/counter/params", ".publish_hz"));
+    assert_eq!((&first.values, first.time), (&["5", "3"].map(str::to_owned), source.info().start));
 }
 
 #[test]

@@ -5,7 +5,8 @@
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{
-    Control, Driver, Frame, HeldControl, Source, SourceError, SourceInfo, SourceKind, Step, Task,
+    Compared, Comparison, Control, Driver, Frame, HeldControl, Source, SourceError, SourceInfo, SourceKind,
+    Step, Task,
 };
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -159,6 +160,66 @@ fn background_work_goes_on_while_it_plays() {
     driver.send(Control::Play);
     let frame = wait(&driver, "the work", |_| *left.lock().unwrap() == 0);
     assert!(frame.playback.playing, "{:?}", frame.playback);
+}
+
+/// A source that ends after 200 ms, and compares what it has done only when it has time for background work.
+struct Comparer {
+    busy: Busy,
+    until: Stamp,
+}
+
+impl Source for Comparer {
+    fn info(&self) -> Arc<SourceInfo> {
+        Arc::new(SourceInfo { end: Some(Stamp(200_000_000)), ..(*self.busy.info).clone() })
+    }
+
+    fn now(&self) -> Stamp {
+        self.busy.now
+    }
+
+    fn frame(&mut self) -> Frame {
+        let comparison = Comparison {
+            sides: [Compared::Run(RunId(0)), Compared::Other],
+            differences: Arc::new([]),
+            until: Some(self.until),
+            progress: (self.until < self.busy.now).then_some(0.99),
+            recording_end: None,
+            left_out: [0, 0],
+            gaps: Arc::new([]),
+            problem: None,
+        };
+        Frame { comparisons: Arc::new([comparison]), ..self.busy.frame() }
+    }
+
+    fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {
+        self.busy.seek(to, task)
+    }
+
+    fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError> {
+        self.busy.step(step, task)
+    }
+
+    fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
+        self.busy.write(buffer, message)
+    }
+
+    fn idle(&mut self) -> bool {
+        self.until = self.busy.now;
+        false
+    }
+}
+
+#[test]
+fn a_comparison_that_ends_after_playing_has_ended_is_shown_as_complete() {
+    let (busy, _) = Busy::new(0.0);
+    let driver = Driver::spawn(Box::new(Comparer { busy, until: Stamp(0) }), || {}).unwrap();
+    driver.send(Control::Play);
+    let end = Stamp(200_000_000);
+    let frame = wait(&driver, "the end of the comparison", |frame| {
+        frame.now == end && frame.comparisons.iter().all(|comparison| comparison.progress.is_none())
+    });
+    assert_eq!(frame.comparisons[0].until, Some(end));
+    assert!(!frame.playback.playing, "{:?}", frame.playback);
 }
 
 /// Holds /hand at `x`, with fifty milliseconds of the source between messages.

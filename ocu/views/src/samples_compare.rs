@@ -81,6 +81,7 @@ pub(crate) fn compared() -> Frame {
         differences: Arc::new(differences),
         until: Some(NOW),
         progress: None,
+        recording_end: None,
         left_out: [0, 0],
         gaps: Arc::new([]),
         problem: None,

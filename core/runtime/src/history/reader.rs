@@ -53,9 +53,16 @@ impl Session {
         RunReader { run: run.0 as usize, place: shared, after: Point::after(from) }
     }
 
-    /// Sequence of the newest message of each buffer before the first event.
-    pub(crate) fn opening(&self) -> &[u64] {
-        self.stretches.first().map_or(&[], |stretch| &stretch.newest)
+    /// What was written before the first event, which no reader gives: each message with the index of its buffer, in the
+    /// order of time.
+    pub(crate) fn opening(&self) -> Vec<(usize, Sample)> {
+        let log = self.log();
+        let lists = self.begun.written.iter().enumerate();
+        let entries = lists.flat_map(|(buffer, written)| written.iter().map(move |entry| (buffer, entry)));
+        let mut opening: Vec<(usize, Sample)> =
+            entries.filter_map(|(buffer, entry)| Some((buffer, entry.sample(log.as_ref()).ok()?))).collect();
+        opening.sort_by_key(|(_, sample)| sample.header.log_time);
+        opening
     }
 
     /// The next messages of a run; `None` if there are none yet.

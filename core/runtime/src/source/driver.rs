@@ -288,6 +288,8 @@ impl<W: Fn()> DriverLoop<'_, W> {
     /// Publishes a frame, and wakes the window for it; for the clock alone, only a few times a second.
     fn show(&mut self, is_asked: bool) {
         let mut frame = self.source.frame();
+        // A frame follows when the comparisons that are not complete in this one are.
+        self.idle |= frame.comparisons.iter().any(|comparison| comparison.progress.is_some());
         frame.playback = self.playback.clone();
         frame.topics.iter().for_each(Topic::convert_ahead);
         let content = content(&frame);

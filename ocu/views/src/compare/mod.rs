@@ -110,7 +110,7 @@ impl View for Compare {
                 ui.painter().hline(map.x_range(), map.top(), egui::Stroke::new(1.0, tokens.line));
             }
             let canvas = map.shrink(0.5);
-            let ended = [0, 1].map(|index: usize| ended(cx.frame, sides[index], &names[index]));
+            let ended = [0, 1].map(|index: usize| ended(cx.frame, comparison, sides[index], &names[index]));
             within(ui, canvas, |ui| map::ui(ui, canvas, frames, &names, &ended, &mut self.saved.viewport));
         }
         ui.advance_cursor_after_rect(area);
@@ -118,8 +118,8 @@ impl View for Compare {
 }
 
 /// Says when a side ended, where that was before the viewed time.
-fn ended(frame: &Frame, side: Compared, name: &str) -> Option<String> {
-    let end = side::ended(frame, side, frame.now)?;
+fn ended(frame: &Frame, comparison: &Comparison, side: Compared, name: &str) -> Option<String> {
+    let end = side::ended(frame, comparison, side, frame.now)?;
     Some(format!("{name} ended at {:.2} s", end.seconds_since(frame.info.start)))
 }
 

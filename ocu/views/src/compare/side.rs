@@ -1,7 +1,7 @@
 //! What can be compared: the runs of a stack, the recording, and another recording.
 
 use rcs_msg::Stamp;
-use rcs_runtime::source::{Compared, Frame, RunTag, Topic};
+use rcs_runtime::source::{Compared, Comparison, Frame, RunTag, Topic};
 use std::borrow::Cow;
 
 /// Everything that can be one side.
@@ -49,22 +49,25 @@ pub(super) fn name(frame: &Frame, side: Compared) -> String {
     }
 }
 
-/// The end of a side that is a run.
-fn end(frame: &Frame, side: Compared) -> Option<Stamp> {
-    let Compared::Run(run) = side else { return None };
-    frame.runs.all.iter().find(|known| known.id == run).map(|known| known.end)
+/// The end of a side; `None` for a recording that is compared with another one.
+fn end(frame: &Frame, comparison: &Comparison, side: Compared) -> Option<Stamp> {
+    match side {
+        Compared::Run(run) => frame.runs.all.iter().find(|known| known.id == run).map(|known| known.end),
+        Compared::Recorded | Compared::Other => comparison.recording_end,
+    }
 }
 
-/// The end of a side that is a run, if it was before a time. The viewed run has not ended: it can go on.
-pub(super) fn ended(frame: &Frame, side: Compared, before: Stamp) -> Option<Stamp> {
+/// The end of a side, if it is known and was before a time. The viewed run has not ended: it can go on.
+pub(super) fn ended(frame: &Frame, comparison: &Comparison, side: Compared, before: Stamp) -> Option<Stamp> {
     let is_viewed = side == Compared::Run(frame.runs.current());
-    end(frame, side).filter(|end| *end < before && !is_viewed)
+    end(frame, comparison, side).filter(|end| *end < before && !is_viewed)
 }
 
-/// Name and end of the run that ended before the other one went on.
-pub(super) fn first_end(frame: &Frame, sides: [Compared; 2]) -> Option<(String, Stamp)> {
-    let last = sides.into_iter().filter_map(|side| end(frame, side)).max()?;
-    sides.into_iter().find_map(|side| Some((name(frame, side), ended(frame, side, last)?)))
+/// Name and end of the side that ended before the other one went on.
+pub(super) fn first_end(frame: &Frame, comparison: &Comparison) -> Option<(String, Stamp)> {
+    let sides = comparison.sides;
+    let last = sides.into_iter().filter_map(|side| end(frame, comparison, side)).max()?;
+    sides.into_iter().find_map(|side| Some((name(frame, side), ended(frame, comparison, side, last)?)))
 }
 
 /// The viewed moment on a side; `None` if it is not in the frame.

@@ -30,6 +30,9 @@ pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison,
         let (equal, compared) = no_difference(cx.frame, comparison);
         let (title, hint) = match (comparison.progress, comparison.until) {
             (Some(_), _) => ("Comparing…", "Nothing differs so far."),
+            (None, None) if comparison.problem.is_some() => {
+                ("Nothing was compared", "The line above says why.")
+            }
             (None, None) => ("Nothing was compared", "Both sides need a common time."),
             (None, Some(_)) => (&*equal, compared),
         };
@@ -45,10 +48,10 @@ pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison,
     });
 }
 
-/// Up to when nothing differs, and what was compared. One run may have ended before the other, and not all may have been
+/// Up to when nothing differs, and what was compared. One side may have ended before the other, and not all may have been
 /// compared up to there.
 fn no_difference(frame: &Frame, comparison: &Comparison) -> (String, &'static str) {
-    let first_end = side::first_end(frame, comparison.sides);
+    let first_end = side::first_end(frame, comparison);
     let end = first_end.as_ref().map(|(_, end)| *end);
     let has_all = comparison.problem.is_none() && comparison.gaps.is_empty() && comparison.until >= end;
     if !has_all {

@@ -41,9 +41,11 @@ pub(crate) fn refusal(frame: &Frame, topic: &Topic) -> Option<&'static str> {
     crate::command::refusal(frame)
 }
 
-/// The overrides in force, and those that wait.
+/// The overrides in force, and those that wait: those of the run, or of a recording without a run.
 pub(crate) fn overrides(frame: &Frame) -> &[OverrideInForce] {
-    let list = frame.topics_of_type("rcs.OverrideList").find_map(|topic| topic.get::<OverrideList>());
+    // The topic of a run comes first. It has no message until something is held.
+    let topic = frame.topics_of_type("rcs.OverrideList").next();
+    let list = topic.and_then(|topic| topic.get::<OverrideList>());
     list.map_or(&[], |list| &list.active)
 }
 
@@ -313,7 +315,7 @@ mod tests {
     use super::*;
     use crate::samples;
     use rcs_msg::rcs::Status;
-    use rcs_runtime::source::SourceKind;
+    use rcs_runtime::source::{RunTag, SourceKind};
 
     fn frame() -> Frame {
         let mut frame = samples::full();
@@ -392,6 +394,18 @@ mod tests {
             let refused = changes.refused.as_deref().is_some_and(|text| text.contains("replaced since"));
             assert_eq!(refused, !is_undone);
         }
+    }
+
+    #[test]
+    fn what_was_held_in_a_recording_is_not_in_force_in_the_run_on_it() {
+        let fault = OverrideInForce { fault: "stopped".to_owned(), ..OverrideInForce::default() };
+        let list = OverrideList { active: vec![fault], ..OverrideList::default() };
+        let mut recorded = samples::topic("/runtime/overrides", 0.0, 1.0, list);
+        recorded.run = RunTag::Recorded;
+        let of_run = Topic::new("/runtime/overrides", RunTag::FIRST, Arc::clone(&recorded.schema));
+        let of = |topics: &[&Topic]| Frame { topics: topics.iter().copied().cloned().collect(), ..frame() };
+        assert!(held(&of(&[&recorded, &of_run])).is_empty());
+        assert_eq!(held(&of(&[&recorded])).len(), 1, "a recording alone shows what was held");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::Stamp;
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Comparison, Control, Frame};
+use rcs_runtime::source::{Compared, Comparison, Control, Frame};
 use std::sync::Arc;
 
 fn shown(frame: Frame) -> Harness<'static, Shown> {
@@ -91,6 +91,7 @@ fn the_badge_says_bit_equal_only_where_everything_was_compared() {
         (comparison.until, comparison.problem) = (None, Some("no such file".into()));
     };
     check(&nothing, "not compared");
+    check(&nothing, "The line above says why.");
     let harness = shown(samples::compared());
     assert!(harness.query_by_label("differ").is_some() && harness.query_by_label("bit-equal").is_none());
 }
@@ -116,6 +117,17 @@ fn a_run_that_ended_before_the_viewed_time_is_told_and_no_cell_is_coloured() {
     assert!(harness.query_by_label("run 0 ended at 7.50 s").is_some());
     assert!(harness.query_by_label_contains("cells differ").is_none());
     assert!(harness.query_by_label("No difference up to 7.50 s, where run 0 ends").is_some());
+}
+
+#[test]
+fn the_end_of_a_recording_is_told_where_the_run_beside_it_goes_on() {
+    let frame = with(|comparison| {
+        comparison.sides = [SIDES[1], Compared::Other];
+        comparison.differences = Arc::new([]);
+        (comparison.until, comparison.recording_end) = (Some(EARLY), Some(EARLY));
+    });
+    let harness = shown(Frame { against: Some("drive.mcap".into()), ..frame });
+    assert!(harness.query_by_label("No difference up to 7.50 s, where drive.mcap ends").is_some());
 }
 
 #[test]

@@ -5,7 +5,9 @@
 //! the table of these differences shows how a difference spreads.
 //!
 //! The buffers that differ by their nature are left out: measured times, and the identity of the run. So are those that
-//! a log feeds, and those that only one side has.
+//! a log feeds, and those that only one side has. A run and a recording are compared from what the run writes before its
+//! first event up to the end of the recording, and without the descriptions of their processes, because a run may repeat
+//! a part of the recorded stack.
 
 mod side;
 mod worker;
@@ -36,6 +38,7 @@ const WAIT: Duration = Duration::from_millis(4);
 struct Told {
     differences: Arc<[Difference]>,
     until: Option<Stamp>,
+    recording_end: Option<Stamp>,
     left_out: [usize; 2],
     gaps: Arc<[(Stamp, Stamp)]>,
     problem: Option<Arc<str>>,
@@ -127,6 +130,7 @@ impl Pair {
             differences: Arc::clone(&told.differences),
             until: told.until.map(|until| until.min(end)),
             progress: is_busy.then_some(fraction),
+            recording_end: told.recording_end,
             left_out: told.left_out,
             gaps: Arc::clone(&told.gaps),
             problem: told.problem.clone(),
@@ -175,13 +179,8 @@ impl Comparing {
                 return pair;
             }
         };
-        let opening = subject.session.filter(|_| pair.feeds.iter().flatten().count() == 1).map(|session| {
-            let buffers = &session.run().plan().buffers;
-            let names = buffers.iter().map(|buffer| buffer.spec.name.clone());
-            names.zip(session.opening().iter().map(|&sequence| sequence as u32)).collect()
-        });
         let plan = subject.session.map(|session| Arc::clone(session.run().plan()));
-        let work = Work { inputs, plan, opening: opening.unwrap_or_default(), start: subject.start };
+        let work = Work { inputs, plan, start: subject.start };
         if let Err(error) = work.spawn(Arc::clone(&told)) {
             let problem = format!("no thread to compare: {error}");
             *lock(&told) = Told { problem: Some(problem.into()), ended: true, ..Told::default() };
@@ -218,11 +217,14 @@ impl Comparing {
                     let session = known.ok_or_else(|| missing(&format!("there is no {run}")))?;
                     let (pieces, receiver) = channel();
                     let waiting = Arc::new(AtomicUsize::new(0));
-                    let reader = session.reader(run, run_of(beside));
+                    let other = run_of(beside);
+                    // All runs of a stack begin alike, but not like a recording.
+                    let opening = if other.is_none() { session.opening() } else { Vec::new() };
+                    let reader = session.reader(run, other);
                     feeds[index] =
                         Some(FeedOfRun { reader, pieces, waiting: Arc::clone(&waiting), is_done: false });
                     let (plan, log) = (Arc::clone(session.run().plan()), subject.log.cloned());
-                    Ok(Input::Run { pieces: receiver, waiting, plan, log })
+                    Ok(Input::Run { opening, pieces: receiver, waiting, plan, log })
                 }
             }
         };

@@ -4,6 +4,7 @@ use crate::compare::{Entry, is_compared};
 use crate::history::Piece;
 use crate::record::complete_from;
 use crate::stack::Plan;
+use rcs_bus::Sample;
 use rcs_log::{Cursor, CursorOptions, Log, Reassembly, TopicId};
 use rcs_msg::{DeltaCodec, Stamp};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -24,6 +25,8 @@ pub(super) enum Input {
     Log(Log),
     Files(Vec<PathBuf>, Vec<&'static dyn DeltaCodec>),
     Run {
+        /// What the run wrote before its first event, by index of the buffer; it is in no piece.
+        opening: Vec<(usize, Sample)>,
         pieces: Receiver<Piece>,
         waiting: Arc<AtomicUsize>,
         plan: Arc<Plan>,
@@ -69,14 +72,28 @@ pub(super) enum Step {
 impl Input {
     /// Opens the side; an error says why it cannot be read.
     pub(super) fn open(self) -> Result<Reading, String> {
+        let mut queue = VecDeque::new();
         let from = match self {
             Self::Log(log) => of_log(log),
             Self::Files(files, codecs) => {
                 of_log(Log::open_parts(&files).map_err(|error| error.to_string())?.with_codecs(codecs))
             }
-            Self::Run { pieces, waiting, plan, log } => Origin::Run { pieces, waiting, plan, log },
+            Self::Run { opening, pieces, waiting, plan, log } => {
+                let name = |buffer: usize| plan.buffers[buffer].spec.name.clone();
+                queue.extend(opening.into_iter().map(|(buffer, sample)| (name(buffer), entry_of(sample))));
+                Origin::Run { pieces, waiting, plan, log }
+            }
         };
-        Ok(Reading { from, queue: VecDeque::new(), until: Stamp(0) })
+        Ok(Reading { from, queue, until: Stamp(0) })
+    }
+}
+
+fn entry_of(sample: Sample) -> Entry {
+    Entry {
+        sequence: sample.header.sequence as u32,
+        log_time: sample.header.log_time,
+        acq_time: sample.header.acq_time,
+        message: sample.message,
     }
 }
 
@@ -112,6 +129,12 @@ impl Reading {
     pub(super) fn begins(&self) -> Option<Stamp> {
         let Origin::Log(from) = &self.from else { return None };
         complete_from(&from.log)
+    }
+
+    /// The time of the last message of a recording; `None` for a run, which may go on.
+    pub(super) fn end(&self) -> Option<Stamp> {
+        let Origin::Log(from) = &self.from else { return None };
+        Some(from.log.info().end)
     }
 
     /// Reads only these buffers.
@@ -176,13 +199,7 @@ impl Reading {
                     Ok(Some(samples)) => {
                         for (buffer, sample) in samples {
                             let Some(name) = names.get(&buffer) else { continue };
-                            let entry = Entry {
-                                sequence: sample.header.sequence as u32,
-                                log_time: sample.header.log_time,
-                                acq_time: sample.header.acq_time,
-                                message: sample.message,
-                            };
-                            self.queue.push_back(((*name).to_owned(), entry));
+                            self.queue.push_back(((*name).to_owned(), entry_of(sample)));
                         }
                         Step::Read
                     }

@@ -3,9 +3,9 @@
 use super::side::{Input, Reading, Step};
 use super::{SharedTold, lock};
 use crate::compare::{Difference, Entry, Matcher, Side};
-use crate::stack::Plan;
+use crate::stack::{Plan, names};
 use rcs_msg::Stamp;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// What a thread needs to begin.
@@ -13,9 +13,6 @@ pub(super) struct Work {
     pub(super) inputs: [Input; 2],
     /// The stack, if one runs.
     pub(super) plan: Option<Arc<Plan>>,
-    /// Where one side is a run and the other is not: the messages that the run wrote before its first event, which its
-    /// past does not have. By buffer, their last sequence.
-    pub(super) opening: BTreeMap<String, u32>,
     pub(super) start: Stamp,
 }
 
@@ -33,7 +30,8 @@ impl Drop for Ending {
 }
 
 impl Work {
-    /// Starts the thread. It ends when both sides have ended, or when a run is no longer handed to it.
+    /// Starts the thread. It ends when both sides have ended, when a run has passed the end of the recording with which it
+    /// is compared, or when a run is no longer handed to it.
     pub(super) fn spawn(self, told: SharedTold) -> std::io::Result<()> {
         let run = move || {
             let ending = Ending(told);
@@ -47,13 +45,21 @@ impl Work {
     fn run(self, told: &SharedTold) -> Result<(), String> {
         let [first, second] = self.inputs;
         let mut sides = [first.open()?, second.open()?];
-        let names = [sides[0].names(), sides[1].names()];
-        let wanted: BTreeSet<String> = names[0].intersection(&names[1]).cloned().collect();
+        let buffers = [sides[0].names(), sides[1].names()];
+        let mut wanted: BTreeSet<String> = buffers[0].intersection(&buffers[1]).cloned().collect();
+        let recording_end = match [sides[0].end(), sides[1].end()] {
+            [Some(end), None] | [None, Some(end)] => Some(end),
+            _ => None,
+        };
+        if recording_end.is_some() {
+            // The run may be of a part of the recorded stack.
+            wanted.remove(names::PROCESSES);
+        }
         let mut matcher = Matcher::new(self.start);
         for (reading, side) in sides.iter_mut().zip([Side::First, Side::Second]) {
             reading.choose(&wanted);
-            let buffers = self.plan.iter().flat_map(|plan| &plan.buffers);
-            let thinned = buffers.filter(|buffer| reading.is_recording() && buffer.record_hz.is_some());
+            let planned = self.plan.iter().flat_map(|plan| &plan.buffers);
+            let thinned = planned.filter(|buffer| reading.is_recording() && buffer.record_hz.is_some());
             thinned.for_each(|buffer| matcher.thin(side, &buffer.spec.name));
         }
         let begins = sides.iter().filter_map(Reading::begins).max();
@@ -62,13 +68,17 @@ impl Work {
             wanted,
             matcher,
             gaps: begins.map(|begins| (Stamp(0), begins)).into_iter().collect(),
-            opening: self.opening,
+            recording_end,
             differences: Vec::new(),
         };
-        let left_out = [0, 1].map(|side: usize| names[side].difference(&names[1 - side]).count());
+        let left_out = [0, 1].map(|side: usize| buffers[side].difference(&buffers[1 - side]).count());
         let mut now = lock(told);
         (now.left_out, now.gaps) = (left_out, joint.gaps.as_slice().into());
+        now.recording_end = recording_end;
         drop(now);
+        if joint.wanted.is_empty() {
+            return Err("the two have no buffer in common".to_owned());
+        }
         joint.run(told);
         Ok(())
     }
@@ -80,7 +90,8 @@ struct Joint {
     wanted: BTreeSet<String>,
     matcher: Matcher,
     gaps: Vec<(Stamp, Stamp)>,
-    opening: BTreeMap<String, u32>,
+    /// Nothing after this time is compared.
+    recording_end: Option<Stamp>,
     differences: Vec<Difference>,
 }
 
@@ -105,11 +116,11 @@ impl Joint {
                 }
                 Step::Dropped => return,
             }
-            let until = self.sides[0].until.min(self.sides[1].until);
-            let is_new = self.settle(until);
+            let known = self.sides[0].until.min(self.sides[1].until);
+            let is_new = self.settle(known);
             let mut now = lock(told);
             now.waits_for = None;
-            now.until = Some(until);
+            now.until = Some(self.recording_end.map_or(known, |end| known.min(end)));
             if is_new {
                 now.differences = self.differences.as_slice().into();
             }
@@ -119,7 +130,7 @@ impl Joint {
             drop(now);
             // Only now, because the source takes what is neither waiting nor being compared for done.
             self.sides[behind].taken();
-            if until == Stamp::MAX {
+            if known == Stamp::MAX || self.recording_end.is_some_and(|end| known > end) {
                 return;
             }
         }
@@ -150,8 +161,8 @@ impl Joint {
     }
 
     fn is_comparable(&self, buffer: &str, entry: &Entry) -> bool {
-        let is_opening = self.opening.get(buffer).is_some_and(|&last| entry.sequence <= last);
+        let is_after = self.recording_end.is_some_and(|end| entry.log_time > end);
         let in_gap = self.gaps.iter().any(|(from, to)| (*from..=*to).contains(&entry.log_time));
-        self.wanted.contains(buffer) && !is_opening && !in_gap
+        self.wanted.contains(buffer) && !is_after && !in_gap
     }
 }
