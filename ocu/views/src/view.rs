@@ -132,6 +132,17 @@ pub(crate) fn is_old(topic: &Topic, now: Stamp) -> bool {
     topic.age_s(now).is_some_and(|age_s| stale::is_stale(age_s, rate_hz(topic)))
 }
 
+/// Whether the run has computed a message of the topic with this name.
+pub(crate) fn is_computed(frame: &Frame, name: &str) -> bool {
+    let mut named = frame.topics.iter().filter(|topic| *topic.name == *name);
+    named.any(|topic| !topic.run.is_recorded() && topic.latest.is_some())
+}
+
+/// Whether a topic was recorded, and the run has computed a message of the same name: views show that of the run first.
+pub(crate) fn is_twin(frame: &Frame, topic: &Topic) -> bool {
+    topic.run.is_recorded() && is_computed(frame, &topic.name)
+}
+
 /// Last known rate of a topic; 0 where unknown, as for a single message.
 pub(crate) fn rate_hz(topic: &Topic) -> f64 {
     topic.hz.unwrap_or(0.0)

@@ -3,6 +3,7 @@
 use crate::cached::SameMessage;
 use crate::image::{DecodedImage, Pixels, Tint, decode};
 use crate::prepare::{Painted, prepared_after};
+use crate::view::{is_computed, is_twin};
 use egui::{Color32, Context, Id, TextureId, TextureOptions};
 use ocu_ui::legend::round_step;
 use ocu_ui::palette::{self, Classes, Label, MapPalette};
@@ -143,18 +144,22 @@ pub(super) fn lies_on(topic: &Topic, image: &Topic) -> bool {
     topic.metadata.get(OVERLAY_OF).is_some_and(|name| **name == *image.name)
 }
 
-/// All images, in this order: those with overlays, other camera images, depth images, derived images, ground truth.
+/// All images, in this order: those with overlays, other camera images, depth images, derived images, ground truth. Of each
+/// kind, recorded ones that the run computes, too, are the last.
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
     let overlays = frame.topics.iter().filter(|topic| !topic.is_ground_truth());
     let overlaid: BTreeSet<&str> =
         overlays.filter_map(|topic| Some(topic.metadata.get(OVERLAY_OF)?.as_str())).collect();
-    images.sort_by_cached_key(|topic| match look(topic) {
-        _ if topic.is_ground_truth() => 4,
-        _ if overlaid.contains(&*topic.name) => 0,
-        Look::Image if is_range(topic) => 2,
-        Look::Image => 1,
-        _ => 3,
+    images.sort_by_cached_key(|topic| {
+        let rank = match look(topic) {
+            _ if topic.is_ground_truth() => 4,
+            _ if overlaid.contains(&*topic.name) => 0,
+            Look::Image if is_range(topic) => 2,
+            Look::Image => 1,
+            _ => 3,
+        };
+        (rank, is_twin(frame, topic))
     });
     images
 }
@@ -171,15 +176,24 @@ pub(super) struct Overlay<'a> {
 /// Of those of this camera the first one and shapes are usual, but for what is predicted and ground truth. One that names
 /// no image is of this camera where its name has more parts in common with that of the image than with those of all other
 /// cameras; so it is of the only camera, and of none where several have as many.
+///
+/// Of one that is both recorded and computed, the recorded one lies on a recorded image that the run computes, too, and on
+/// any recorded image until the run has computed a message of it; else the computed one.
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
     let lies_on = |topic: &Topic| match topic.metadata.get(OVERLAY_OF) {
         Some(name) => **name == *base.name,
         // Label topics of a scan contain no images, and may have no messages at all.
         None => (look(topic) != Look::Image || is_annotation(topic)) && topic.latest.is_some(),
     };
-    let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
+    let other = |topic: &&Topic| topic.name != base.name;
     let can = |topic: &&Topic| (is_image(topic) || is_annotation(topic)) && lies_on(topic);
     let mut overlays: Vec<_> = frame.topics.iter().filter(can).filter(other).collect();
+    let found: BTreeSet<_> = overlays.iter().map(|&topic| (&*topic.name, topic.run.is_recorded())).collect();
+    let is_twin = is_twin(frame, base);
+    overlays.retain(|topic| {
+        let as_recorded = is_twin || (base.run.is_recorded() && !is_computed(frame, &topic.name));
+        topic.run.is_recorded() == as_recorded || !found.contains(&(&*topic.name, as_recorded))
+    });
     // Looking for cameras may convert messages, so that is done only where an overlay names no image.
     let is_unnamed = |topic: &&Topic| !topic.metadata.contains_key(OVERLAY_OF);
     let are_compared = overlays.iter().any(is_unnamed);
@@ -342,8 +356,10 @@ impl Layer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{Saved, base};
     use crate::samples;
     use rcs_msg::foxglove::ImageAnnotations;
+    use rcs_runtime::source::RunTag;
 
     fn image(name: &str) -> Topic {
         samples::topic(name, 5.0, 0.1, RawImage::default())
@@ -351,6 +367,21 @@ mod tests {
 
     fn shapes(name: &str) -> Topic {
         samples::topic(name, 5.0, 0.1, ImageAnnotations::default())
+    }
+
+    /// An image with this metadata.
+    fn derived(name: &str, metadata: &[(&str, &str)]) -> Topic {
+        let pairs = metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned()));
+        let mut topic = image(name);
+        topic.metadata = Arc::new(pairs.collect());
+        topic
+    }
+
+    /// The same topic as it was recorded.
+    fn recorded(topic: &Topic) -> Topic {
+        let mut topic = topic.clone();
+        topic.run = RunTag::Recorded;
+        topic
     }
 
     fn of(topics: &[Topic]) -> Frame {
@@ -415,12 +446,6 @@ mod tests {
 
     #[test]
     fn labels_of_another_camera_do_not_hide_the_first_overlay_of_this_one() {
-        let derived = |name: &str, metadata: &[(&str, &str)]| {
-            let pairs = metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned()));
-            let mut topic = image(name);
-            topic.metadata = Arc::new(pairs.collect());
-            topic
-        };
         let frame = of(&[
             image("/front/image"),
             image("/rear/image"),
@@ -429,5 +454,44 @@ mod tests {
         ]);
         assert_eq!(usual(&frame, "/front/image"), (vec!["/front/cost".to_owned()], 2));
         assert_eq!(usual(&frame, "/rear/image"), (vec!["/rear/labels".to_owned()], 1));
+    }
+
+    #[test]
+    fn of_an_overlay_that_is_recorded_and_computed_the_one_of_the_run_of_the_image_is_shown() {
+        let of_run = image("/front/image");
+        let labels = derived("/front/labels", &[("rcs.role", "labels"), (OVERLAY_OF, "/front/image")]);
+        let [image, recorded_labels] = [&of_run, &labels].map(recorded);
+        let runs = |topics: &[&Topic], base: &Topic| -> Vec<RunTag> {
+            let topics: Vec<Topic> = topics.iter().copied().cloned().collect();
+            overlays(&of(&topics), base).iter().map(|overlay| overlay.topic.run).collect()
+        };
+        let all = [&image, &of_run, &recorded_labels, &labels];
+        assert_eq!(runs(&all, &of_run), [RunTag::FIRST]);
+        assert_eq!(runs(&all, &image), [RunTag::Recorded]);
+        // A stack that computes labels on recorded images.
+        assert_eq!(runs(&[&image, &recorded_labels, &labels], &image), [RunTag::FIRST]);
+        assert_eq!(runs(&[&image, &labels], &image), [RunTag::FIRST]);
+        let mut none_yet = labels.clone();
+        none_yet.latest = None;
+        assert_eq!(runs(&[&image, &recorded_labels, &none_yet], &image), [RunTag::Recorded]);
+    }
+
+    #[test]
+    fn recorded_labels_are_no_overlay_of_the_same_labels_of_the_run() {
+        let labels = derived("/front/labels", &[("rcs.role", "labels")]);
+        let frame = of(&[recorded(&labels), labels]);
+        assert_eq!(usual(&frame, "/front/labels"), (Vec::new(), 0));
+    }
+
+    #[test]
+    fn the_image_of_the_run_comes_before_the_recorded_one_once_there_is_one() {
+        let of_run = image("/front/image");
+        let shown = |of_run: &Topic| {
+            let frame = of(&[recorded(&image("/front/image")), of_run.clone()]);
+            base(&Saved::default(), &frame).map(|topic| topic.run)
+        };
+        assert_eq!(shown(&of_run), Some(RunTag::FIRST));
+        let nothing = Topic::new("/front/image", RunTag::FIRST, Arc::clone(&of_run.schema));
+        assert_eq!(shown(&nothing), Some(RunTag::Recorded));
     }
 }

@@ -46,7 +46,7 @@ impl Camera {
         if overlays.is_empty() && projected.is_empty() && !whole {
             return;
         }
-        // A recorded topic and the one that a stack computes have one name, and one switch.
+        // Channels of a recording that have one name, but messages of different types, have one switch.
         let mut names = BTreeSet::new();
         let overlays: Vec<&Overlay<'_>> =
             overlays.iter().filter(|overlay| names.insert(&*overlay.topic.name)).collect();

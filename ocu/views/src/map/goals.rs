@@ -131,6 +131,12 @@ fn arrow(ui: &Ui, canvas: Rect, at: Pos2, text: String, labels: &mut Labels) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::map::Map;
+    use crate::map::robot::Robot;
+    use crate::samples;
+    use rcs_msg::foxglove;
+    use rcs_runtime::source::{RunTag, Track};
+    use std::sync::Arc;
 
     /// The texts of the marks of goals on a map of 20 m by 20 m around a vehicle.
     fn marks(goals: &[(&'static str, [f64; 2])]) -> Vec<String> {
@@ -155,6 +161,32 @@ mod tests {
         assert_eq!(far, ["vehicle/goal 67 m", "planner/goal 40 m"]);
         let near = marks(&[("/vehicle/goal", [5.0, 0.0]), ("/planner/goal", [8.0, 0.0])]);
         assert_eq!(near, ["vehicle/goal 5 m", "planner/goal 8 m"], "60 points apart");
+    }
+
+    #[test]
+    fn the_distance_of_a_goal_is_that_from_the_vehicle_of_the_run() {
+        let vehicle_at = |x: f64| {
+            let position = Some(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+            let orientation = Some(foxglove::Quaternion { w: 1.0, ..Default::default() });
+            let pose = Some(foxglove::Pose { position, orientation });
+            let pose = PoseInFrame { frame_id: "local".into(), pose, ..PoseInFrame::default() };
+            samples::topic("/localization/local", 50.0, 0.01, pose)
+        };
+        let mut recorded = vehicle_at(10.0);
+        recorded.run = RunTag::Recorded;
+        let mut frame = samples::driving();
+        let goal = frame.topic("/vehicle/goal").unwrap().clone();
+        let track = frame.track("/localization/local", RunTag::FIRST).unwrap().clone();
+        frame.topics = Arc::new([recorded, vehicle_at(2.0), goal]);
+        frame.tracks = Arc::new([Track { run: RunTag::Recorded, ..track.clone() }, track]);
+        let (mut map, layers) = (Map::default(), layers::layers(&frame));
+        map.tracks.update(&frame, "local", &layers, true);
+        let shown: Vec<&Layer<'_>> = layers.iter().collect();
+        let (_, vehicle) = Robot::beside(&frame, "local", &map.places(&frame, &shown));
+        assert_eq!(vehicle.map(|[x, y, _]| [x, y]), Some([2.0, 0.0]));
+        // The goal is at (60, 25).
+        let goals = of(&frame, "local", &shown);
+        assert_eq!(goals.first().map(|goal| goal.text(false, vehicle)).as_deref(), Some("goal 63 m"));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::grid::{Extent, frame_of, is_empty};
 use super::robot::own_frame;
 use super::track::{Aligned, Alignment, Judged, Plane, course, nearest};
 use crate::cached::SameMessage;
-use crate::view::is_old;
+use crate::view::{is_old, is_twin};
 use ocu_ui::format;
 use rcs_geom::{DVec3, Enu, Geodetic, Pose};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
@@ -102,12 +102,6 @@ impl Layer<'_> {
     }
 }
 
-/// Whether the run has computed a message of the topic with this name.
-fn is_computed(frame: &Frame, name: &str) -> bool {
-    let mut named = frame.topics.iter().filter(|topic| *topic.name == *name);
-    named.any(|topic| !topic.run.is_recorded() && topic.latest.is_some())
-}
-
 /// Whether the topic contains a goal, whose positions are not a track.
 fn is_goal(topic: &Topic) -> bool {
     topic.role() == Some(Role::Goal) && topic.type_name() == "foxglove.PoseInFrame"
@@ -126,7 +120,7 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
         let Some(sample) = &topic.latest else { continue };
         let layer_at = |kind, frame_id, stamp| {
             let name = crate::toolbar::topic_label(frame, topic);
-            let is_twin = topic.run.is_recorded() && is_computed(frame, &topic.name);
+            let is_twin = is_twin(frame, topic);
             Layer { name, kind, frame_id: frame_name(frame_id), stamp, topic: Some(topic), is_twin }
         };
         let layer = |kind, frame_id| {
@@ -326,7 +320,8 @@ pub(super) struct Tracks {
 }
 
 impl Tracks {
-    /// Places every track; with `align`, tracks without a transform are aligned with the longest one that has one.
+    /// Places every track; with `align`, tracks without a transform are aligned with the longest one of their run that has
+    /// one, or where there is none, with that of another run.
     pub(super) fn update(&mut self, frame: &Frame, map: &str, layers: &[Layer<'_>], align: bool) {
         let tracks: Vec<_> = layers
             .iter()
@@ -345,14 +340,14 @@ impl Tracks {
             (placed.alignment, placed.error) = (None, pose.as_ref().err().cloned());
             placed.map_from_track = pose.as_ref().ok().map(|&pose| pose * map_from_origin);
         }
-        // Rounded, so that the choice seldom changes while tracks grow.
-        let reference = tracks
-            .iter()
-            .filter(|(.., pose)| pose.is_ok())
-            .max_by_key(|(_, track, _)| track.points.len().next_power_of_two())
-            .and_then(|(layer, track, _)| Some((self.placed.get(&layer.name)?.map_from_track?, *track)));
-        let Some((map_from_reference, reference)) = reference.filter(|_| align) else { return };
-        for (layer, track, _) in tracks.iter().filter(|(.., pose)| pose.is_err()) {
+        for (layer, track, _) in tracks.iter().filter(|(.., pose)| align && pose.is_err()) {
+            // Rounded, so that the choice seldom changes while tracks grow.
+            let suits = |other: &Track| (other.run == track.run, other.points.len().next_power_of_two());
+            let connected = tracks.iter().filter(|(.., pose)| pose.is_ok());
+            let reference = connected
+                .max_by_key(|(_, other, _)| suits(other))
+                .and_then(|(layer, other, _)| Some((self.placed.get(&layer.name)?.map_from_track?, *other)));
+            let Some((map_from_reference, reference)) = reference else { continue };
             let Some(placed) = self.placed.get_mut(&layer.name) else { continue };
             placed.aligned.update(&track.points, &reference.points);
             let Some(alignment) = placed.aligned.alignment else { continue };
@@ -432,6 +427,8 @@ mod tests {
     use crate::view::View;
     use rcs_geom::TransformTree;
     use rcs_msg::{MessageEncoding, Schema};
+    use rcs_runtime::source::{Runs, TrackPoint};
+    use rcs_runtime::{Moment, RunId, RunSummary};
 
     #[test]
     fn before_the_first_transform_and_after_the_last_one_the_nearer_one_is_used() {
@@ -486,6 +483,45 @@ mod tests {
         assert_eq!(shown(&map, &nothing), (1, vec!["/wm1/map (recorded)".to_owned()]));
         map.drop_topic(&recorded);
         assert_eq!(shown(&map, &of_run).1.len(), 2, "it was asked for");
+    }
+
+    #[test]
+    fn a_run_that_leaves_the_track_of_its_parent_has_geographic_coordinates() {
+        let origin = Enu::new(Geodetic::new(48.0, 8.0, 120.0).unwrap());
+        // Both drive 2 m to the east in 2 s; then each has a speed of its own.
+        let tracks = [(0, 5.0_f64, 200_u32), (1, 0.3, 100)].map(|(run, speed_mps, count)| {
+            let track = |topic: &str, frame_id: &str, origin: Option<Enu>| {
+                let point = |i: u32| {
+                    let time_s = f64::from(i) * 0.1;
+                    let x_m = time_s.min(2.0) + speed_mps * (time_s - 2.0).max(0.0);
+                    let stamp = Stamp(u64::from(i) * 100_000_000);
+                    TrackPoint { stamp, position_m: [x_m, 0.0, 0.0], yaw_rad: f64::NAN }
+                };
+                Track {
+                    topic: topic.into(),
+                    run: RunTag::Run(RunId(run)),
+                    frame_id: frame_id.into(),
+                    origin,
+                    points: (0..count).map(point).collect(),
+                }
+            };
+            [track("/localization/local", "local", None), track("/gps/fix", WGS84, Some(origin))]
+        });
+        let summary = |id: u32| RunSummary {
+            id: RunId(id),
+            branched_from: (id == 1).then_some((Moment::default(), Stamp(2_000_000_000))),
+            end: samples::NOW,
+            events: 0,
+            writes: 0,
+        };
+        let moment = Moment { run: RunId(1), ..Moment::default() };
+        let runs = Runs { all: [summary(0), summary(1)].into(), moment, ..Runs::default() };
+        let frame = Frame { runs, tracks: tracks.into_iter().flatten().collect(), ..samples::empty() };
+        let mut tracks = Tracks::default();
+        tracks.update(&frame, "local", &layers(&frame), true);
+        let (place, is_exact) = tracks.geodetic("local", [0.0, 0.0]).unwrap();
+        let off_deg = [place.latitude_deg - 48.0, place.longitude_deg - 8.0];
+        assert!(off_deg.iter().all(|off_deg| off_deg.abs() < 1e-6) && !is_exact, "{place:?}");
     }
 
     #[test]

@@ -457,14 +457,15 @@ impl Map {
     }
 
     /// Current positions and headings of what the visible tracks belong to, without ground truth, and the ages of their
-    /// messages, s.
+    /// messages, s: those of the run, then recorded ones.
     fn places(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Vec<([f64; 3], f64)> {
-        let layers = shown.iter().filter(|layer| !layer.is_ground_truth());
+        let mut layers: Vec<_> = shown.iter().filter(|layer| !layer.is_ground_truth()).collect();
+        layers.sort_by_key(|layer| layer.is_recorded());
         let place = |layer: &&Layer<'_>| {
             let age_s = layer.topic?.age_s(frame.now)?;
             Some((self.tracks.here(frame, layer)?, age_s))
         };
-        layers.filter_map(place).collect()
+        layers.into_iter().filter_map(place).collect()
     }
 
     /// A viewport that shows all layers: of a running stack the smallest of its fused maps, in which the vehicle is. Its
