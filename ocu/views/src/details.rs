@@ -284,6 +284,7 @@ impl Details {
                 now: &now,
                 given: None,
                 counting: None,
+                is_replaced: false,
                 edits: &mut edits,
                 let_go: &mut let_go,
             };

@@ -18,6 +18,7 @@ mod saved;
 mod scenes;
 mod sweeps;
 mod tunes;
+mod weighs;
 
 use crate::samples;
 use crate::view::{Selection, View, ViewContext, Wish, show};

@@ -7,11 +7,11 @@ use crate::views::view_type;
 use egui::accesskit::Role;
 use egui::{Event, Key, Theme, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use rcs_msg::prost::Message as _;
 use rcs_msg::rcs::{Command, CommandInfo, InitialParams, RunInfo, SpeedLimit};
 use rcs_msg::{AnyMessage, schema_of};
-use rcs_runtime::source::{Control, RunTag, Topic};
+use rcs_runtime::source::{Control, RunTag, SourceInfo, SourceKind, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -162,21 +162,83 @@ fn the_arrow_beside_a_parameter_goes_back_to_what_the_stack_gave() {
 }
 
 #[test]
-fn what_was_sent_stays_a_preview_until_a_map_is_made_with_it() {
+fn a_process_that_fuses_nothing_awaits_no_map_with_what_was_sent() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
     make_map(&mut harness, 0.2);
     send_two(&mut harness);
     take(&mut harness, 2.0);
-    let preview = harness.state().selection.preview.get().cloned().unwrap();
-    assert_eq!((speed(&preview.params), speed(&preview.before), preview.is_sent), (2.0, 1.0, true));
-    // What was sent while time stands is taken back.
+    assert_eq!(harness.state().selection.preview.get(), None);
+}
+
+/// Presses A or B.
+fn press_kept(harness: &mut Harness<'_, Shown>, name: &str) {
+    harness.get_by_label(&format!("Parameters {name}")).click();
+    harness.run();
+}
+
+#[test]
+fn the_kept_set_in_force_takes_the_place_of_a_change_that_was_not_sent() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    press_kept(&mut harness, "A");
+    type_speed(&mut harness, "2");
+    press_kept(&mut harness, "B");
+    press_kept(&mut harness, "A");
+    assert_eq!(harness.state().selection.preview.get(), None);
+    assert!(sent(&harness).is_empty());
+    press_kept(&mut harness, "B");
+    assert_eq!(sent(&harness), [2.0]);
+    // While B is on its way, A is not in force for long.
+    press_kept(&mut harness, "A");
+    assert_eq!(sent(&harness), [2.0, 1.0]);
+}
+
+#[test]
+fn kept_sets_are_switched_between_where_nothing_can_be_sent() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    let frame = &mut harness.state_mut().frame;
+    frame.info = Arc::new(SourceInfo { kind: SourceKind::Log, ..(*frame.info).clone() });
+    harness.run();
+    for (text, name) in [("2", "A"), ("3", "B")] {
+        type_speed(&mut harness, text);
+        press_kept(&mut harness, name);
+    }
+    for (name, expected) in [("A", 2.0), ("B", 3.0)] {
+        press_kept(&mut harness, name);
+        let preview = harness.state().selection.preview.get().cloned().unwrap();
+        assert_eq!(speed(&preview.params), expected, "{name}");
+    }
+    assert!(harness.state().controls.is_empty());
+}
+
+#[test]
+fn a_change_that_is_on_its_way_is_not_sent_again_until_it_counts_as_lost() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    send_two(&mut harness);
+    harness.get_by_label_contains("Sending…").click();
+    harness.run();
+    assert_eq!(sent(&harness), [2.0]);
+    // Passes are a quarter of a second apart.
+    harness.run_steps(24);
+    harness.get_by_label_contains("Send 1").click();
+    harness.run();
+    assert_eq!(sent(&harness), [2.0, 2.0]);
+}
+
+#[test]
+fn what_was_refused_is_not_told_any_more_when_other_parameters_are_in_force() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    send_two(&mut harness);
+    take(&mut harness, 3.0);
+    type_speed(&mut harness, "11");
     harness.get_by_label_contains("Undo").click();
     harness.run();
-    take(&mut harness, 1.0);
-    let preview = harness.state().selection.preview.get().cloned().unwrap();
-    assert_eq!((speed(&preview.params), speed(&preview.before)), (1.0, 1.0));
-    make_map(&mut harness, 0.05);
-    assert_eq!(harness.state().selection.preview.get(), None);
+    for (in_force, is_told) in [(3.0, true), (4.0, false)] {
+        take(&mut harness, in_force);
+        for text in ["nothing to undo", "got \"11\""] {
+            let told = harness.query_by_label_contains(text).is_some();
+            assert_eq!(told, is_told, "{text}, {in_force}");
+        }
+    }
 }
 
 #[test]
@@ -250,6 +312,15 @@ fn undo_takes_back_no_parameters_that_others_have_sent_since() {
     harness.run();
     assert_eq!(sent(&harness), [2.0]);
     assert!(harness.query_by_label_contains("nothing to undo").is_some());
+}
+
+#[test]
+fn the_keyboard_reaches_the_arrow_of_a_parameter_after_its_control() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    go_to_number(&mut harness);
+    press(&mut harness, Key::Tab);
+    let arrow = harness.get_by_label("Default of max_speed_mps: 0.5");
+    assert!(arrow.accesskit_node().is_focused());
 }
 
 #[test]

@@ -30,6 +30,8 @@ pub(crate) struct Rows<'a> {
     pub(crate) given: Option<&'a Value>,
     /// What counts instead of a parameter in force, by path.
     pub(crate) counting: Option<&'a BTreeMap<String, f32>>,
+    /// Whether the parameters in force are others than in the last pass: what was refused before them is not told.
+    pub(crate) is_replaced: bool,
     /// Path and text of each change.
     pub(crate) edits: &'a mut Vec<(String, String)>,
     /// Whether a control was let go after a change.
@@ -102,6 +104,9 @@ impl Rows<'_> {
         // Ids of its own: a reason that comes or goes below a row takes the focus from none after it.
         widgets::named(ui, row.path.as_str(), |ui| {
             let refusal = ui.scope_id().with("refused");
+            if self.is_replaced {
+                number::forget_refused(ui, refusal);
+            }
             self.cells(ui, row, value, &texts, depth, refusal);
             if let Some(reason) = number::refused(ui, refusal) {
                 let color = tokens(ui).error;
@@ -134,8 +139,13 @@ impl Rows<'_> {
             name_cell(ui, row, texts, (names - indent(depth)).max(48.0));
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 let (place, _) = ui.allocate_exact_size(Vec2::splat(20.0), egui::Sense::hover());
-                // Also where it stays empty: else the control beside it gets another id, and loses the focus, as soon as
-                // what is typed in it differs from the default.
+                // The control comes first, so that the keyboard reaches it before the arrow.
+                ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                    if let Some((new, done)) = control(ui, row, value, refusal) {
+                        self.edits.push((row.path.clone(), new));
+                        *self.let_go |= done;
+                    }
+                });
                 let mut child = ui.new_child(egui::UiBuilder::new().max_rect(place));
                 if row.spec.file.is_none()
                     && let Some(back) = back(&mut child, &row.path, texts)
@@ -143,12 +153,6 @@ impl Rows<'_> {
                     self.edits.push((row.path.clone(), back));
                     *self.let_go = true;
                 }
-                ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                    if let Some((new, done)) = control(ui, row, value, refusal) {
-                        self.edits.push((row.path.clone(), new));
-                        *self.let_go |= done;
-                    }
-                });
             });
         });
     }
@@ -372,6 +376,7 @@ mod tests {
                     now: &params,
                     given: None,
                     counting: Some(&counting),
+                    is_replaced: false,
                     edits: &mut edits,
                     let_go: &mut let_go,
                 };

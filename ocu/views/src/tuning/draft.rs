@@ -3,6 +3,7 @@
 use crate::edit::text::text_of;
 use rcs_msg::params::{ParamSpec, specs, with_params};
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value, rcs};
+use rcs_runtime::source::RunTag;
 use std::collections::BTreeMap;
 
 /// Number of messages that can be taken back.
@@ -10,6 +11,8 @@ const MOST: usize = 50;
 /// For this time of the source after parameters were sent, a fault of the process is taken as due to them, ns. A process
 /// takes them in its next cycle.
 const DUE_NS: u64 = 3_000_000_000;
+/// For this time of the window, parameters that were sent are awaited to be in force, s. After that they count as lost.
+const ON_ITS_WAY_S: f64 = 5.0;
 
 /// A message that was sent.
 #[derive(Clone, Debug)]
@@ -17,6 +20,16 @@ struct Sent {
     /// The parameters that it replaced.
     before: AnyMessage,
     written: AnyMessage,
+}
+
+/// A message that was sent and is not in force yet.
+#[derive(Clone, Debug)]
+struct OnItsWay {
+    written: AnyMessage,
+    /// The run of the parameters in force when it was sent.
+    run: RunTag,
+    /// Time of the window when it was sent, s.
+    sent_s: f64,
 }
 
 /// The edited parameters of a process.
@@ -31,6 +44,10 @@ pub(crate) struct Draft {
     kept: [Option<AnyMessage>; 2],
     /// What was sent last, also to take something back, and the parameters with which the newest map was made then.
     last: Option<Sent>,
+    /// What was sent last, until it is in force.
+    on_its_way: Option<OnItsWay>,
+    /// The parameters that were in force in the last pass.
+    followed: Option<AnyMessage>,
     /// Why the last change was refused.
     refused: Option<String>,
     /// When something was sent last, and the number of the process's faults then.
@@ -42,8 +59,14 @@ pub(crate) struct Draft {
 }
 
 impl Draft {
-    /// Drops changes that are in force by now.
-    pub(super) fn follow(&mut self, in_force: &AnyMessage, now: &Value) {
+    /// Drops changes that are in force by now, and what was refused or on its way under other parameters. Returns whether
+    /// the parameters in force are others than in the last pass.
+    pub(super) fn follow(&mut self, in_force: &AnyMessage, now: &Value) -> bool {
+        let is_replaced = self.followed.as_ref().is_some_and(|followed| !is_equal(followed, in_force));
+        if is_replaced {
+            (self.refused, self.on_its_way) = (None, None);
+        }
+        self.followed = Some(in_force.clone());
         let is_done = |path: &str, text: &str| {
             let at = path.parse::<FieldPath>().ok();
             let value = at.as_ref().and_then(|at| now.get(at).ok());
@@ -62,6 +85,31 @@ impl Draft {
         if self.specs.is_empty() {
             self.specs = in_force.schema().descriptor().map(specs).unwrap_or_default();
         }
+        is_replaced
+    }
+
+    /// Awaits no longer what was sent to another run, or some seconds ago; `now_s` is the time of the window.
+    pub(super) fn follow_sent(&mut self, run: RunTag, now_s: f64) {
+        let is_over = |sent: &OnItsWay| sent.run != run || now_s > sent.sent_s + ON_ITS_WAY_S;
+        if self.on_its_way.as_ref().is_some_and(is_over) {
+            self.on_its_way = None;
+        }
+    }
+
+    /// What was sent and is not in force yet.
+    pub(super) fn on_its_way(&self) -> Option<&AnyMessage> {
+        self.on_its_way.as_ref().map(|sent| &sent.written)
+    }
+
+    /// Whether something is on its way, and nothing was changed since.
+    pub(super) fn is_sending(&self, in_force: &AnyMessage) -> bool {
+        let is_shown = |written| !self.is_changed() || is_equal(written, &self.message(in_force));
+        self.on_its_way().is_some_and(is_shown)
+    }
+
+    /// `written` is sent to this run at this time of the window.
+    pub(super) fn await_in_force(&mut self, written: &AnyMessage, run: RunTag, now_s: f64) {
+        self.on_its_way = Some(OnItsWay { written: written.clone(), run, sent_s: now_s });
     }
 
     /// What the parameters are.
@@ -82,6 +130,27 @@ impl Draft {
                     None => self.changes.remove(path),
                 };
             }
+        }
+    }
+
+    /// Takes the values of kept parameters as changes of those in force. Where more than single values differ, such as the
+    /// length of a list, nothing is changed, and the reason is shown.
+    pub(super) fn take(&mut self, in_force: &AnyMessage, kept: &AnyMessage) {
+        let mut changes = BTreeMap::new();
+        let is_alike = match (in_force.value(), kept.value()) {
+            (Ok(now), Ok(kept)) => differences("", &now, &kept, &mut changes),
+            _ => false,
+        };
+        if !is_alike {
+            let reason = "the kept parameters differ in whole lists from those here: they cannot be shown";
+            self.refused = Some(reason.to_owned());
+            return;
+        }
+        let before = std::mem::replace(&mut self.changes, changes);
+        (self.made, self.refused) = (None, None);
+        if let Err(error) = self.make(in_force) {
+            self.changes = before;
+            self.refused = Some(error);
         }
     }
 
@@ -159,7 +228,7 @@ impl Draft {
     /// Forgets what was sent and what followed: the run to which it was sent has ended. Changes and kept sets stay.
     pub(crate) fn forget_sent(&mut self) {
         self.sent.clear();
-        self.last = None;
+        (self.last, self.on_its_way) = (None, None);
         (self.sent_at, self.fault, self.refused) = (None, None, None);
     }
 
@@ -202,6 +271,30 @@ impl Draft {
 /// Whether two messages are the same, or equal.
 pub(crate) fn is_equal(one: &AnyMessage, other: &AnyMessage) -> bool {
     one.same(other) || one.bytes() == other.bytes()
+}
+
+/// Adds path and text of each plain value that differs from the one now; returns whether that is all that differs.
+fn differences(path: &str, now: &Value, other: &Value, changes: &mut BTreeMap<String, String>) -> bool {
+    match (now, other) {
+        (Value::Message(_), Value::Message(fields)) => fields.iter().all(|(name, other)| {
+            let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+            now.field(name).is_some_and(|now| differences(&path, now, other, changes))
+        }),
+        (Value::List(items), Value::List(others)) => {
+            let mut pairs = items.iter().zip(others).enumerate();
+            items.len() == others.len()
+                && pairs.all(|(i, (now, other))| differences(&format!("{path}[{i}]"), now, other, changes))
+        }
+        _ => match (text_of(now), text_of(other)) {
+            (Some(now), Some(text)) => {
+                if now != text {
+                    changes.insert(path.to_owned(), text);
+                }
+                true
+            }
+            _ => now == other,
+        },
+    }
 }
 
 /// Whether a text means this value.
@@ -256,6 +349,23 @@ mod tests {
         assert_eq!((replaced(&draft, 2.0), replaced(&draft, 3.0)), (None, Some(1.0)));
         draft.written(&speed(3.0), &speed(4.0), false);
         assert_eq!(replaced(&draft, 4.0), Some(3.0), "a map with 3 has come");
+    }
+
+    #[test]
+    fn values_that_differ_are_found_in_lists_of_the_same_length_only() {
+        let params = |weights: &[f64]| {
+            let weight = |weight: &f64| Value::Message(vec![("weight".to_owned(), Value::Float(*weight))]);
+            let list = Value::List(weights.iter().map(weight).collect());
+            Value::Message(vec![("sources".to_owned(), list)])
+        };
+        let found = |now: &[f64], other: &[f64]| {
+            let mut changes = BTreeMap::new();
+            let is_all = differences("", &params(now), &params(other), &mut changes);
+            is_all.then_some(changes)
+        };
+        let expected = BTreeMap::from([("sources[1].weight".to_owned(), "0.25".to_owned())]);
+        assert_eq!(found(&[1.0, 0.5], &[1.0, 0.25]), Some(expected));
+        assert_eq!(found(&[1.0, 0.5], &[1.0]), None);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! What the newest map of a process says of its parameters: with which weights it was fused, and whether it was made before
 //! the parameters were sent.
 
+use rcs_msg::params::with_params;
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic};
-use rcs_world::{MapMessage, Weights, weights_beside};
+use rcs_world::{MapMessage, Weights, weights_beside, weights_of};
 use std::collections::BTreeMap;
 
 /// The weights of the newest map that differ from those of the parameters.
@@ -13,6 +14,8 @@ pub(super) struct Counting {
     /// The parameters and the weights of the map from which they were found.
     of: Option<(AnyMessage, Weights)>,
     by_path: BTreeMap<String, f32>,
+    /// The parameters with these weights; `None` if none differs.
+    made_with: Option<AnyMessage>,
 }
 
 impl Counting {
@@ -27,8 +30,17 @@ impl Counting {
             self.of = fused.map(|fused| (params.clone(), fused.clone()));
             let differing = fused.map(|fused| weights_beside(params, fused));
             self.by_path = differing.into_iter().flatten().collect();
+            let texts: Vec<(&str, String)> =
+                self.by_path.iter().map(|(path, weight)| (path.as_str(), weight.to_string())).collect();
+            let changes = texts.iter().map(|(path, weight)| (*path, weight.as_str()));
+            self.made_with = if texts.is_empty() { None } else { with_params(params, changes).ok() };
         }
         &self.by_path
+    }
+
+    /// The parameters that were followed last, with the weights of the map; `None` if these are the same.
+    pub(super) fn made_with(&self) -> Option<&AnyMessage> {
+        self.made_with.as_ref()
     }
 }
 
@@ -46,11 +58,12 @@ pub(super) fn weights<'a>(frame: &'a Frame, info: &'a rcs::ProcessInfo) -> Optio
     maps(frame, info).find_map(message).map(|map| &map.options().weights)
 }
 
-/// Whether the newest map of a process was made before it took its parameters.
+/// Whether the newest map of a process was made before it took its parameters, which have weights.
 pub(super) fn awaits_map(frame: &Frame, info: &rcs::ProcessInfo) -> bool {
-    let params = frame.topic(&info.params_buffer).and_then(|params| params.latest.as_ref());
-    let Some(sent) = params.map(|sample| sample.header.log_time) else { return false };
+    let Some(params) = frame.topic(&info.params_buffer) else { return false };
+    let Some(sent) = params.latest.as_ref().map(|sample| sample.header.log_time) else { return false };
     maps(frame, info).any(|map| made_at(map).is_some_and(|made| made <= sent))
+        && params.canonical().is_some_and(|params| weights_of(params).is_some())
 }
 
 /// The newest map of a topic with its weights, if a process of this program has published it.

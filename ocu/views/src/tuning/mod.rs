@@ -21,6 +21,7 @@ use rcs_msg::{AnyMessage, Value, rcs};
 use rcs_runtime::source::{Control, Frame, RunTag};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use std::time::Duration;
 
 pub(crate) use controls::{Row as ParamRow, Rows as ParamRows};
 
@@ -78,7 +79,13 @@ impl View for Tuning {
         };
         let key = (info.name.clone(), run_beside(cx.frame));
         let mut draft = cx.selection.drafts.params.remove(&key).unwrap_or_default();
-        draft.follow(&in_force, &now);
+        let is_replaced = draft.follow(&in_force, &now);
+        let now_s = ui.input(|input| input.time);
+        draft.follow_sent(run_of(cx.frame, info), now_s);
+        if draft.on_its_way().is_some() {
+            // What is lost is awaited for some seconds only, also where nothing else repaints.
+            ui.ctx().request_repaint_after(Duration::from_secs(1));
+        }
         if let Some(status) = cx.frame.status(info) {
             draft.take_fault(cx.frame.now, status);
         }
@@ -102,6 +109,7 @@ impl View for Tuning {
                     now: &now,
                     given: given.as_ref(),
                     counting: Some(counting),
+                    is_replaced,
                     edits: &mut edits,
                     let_go: &mut let_go,
                 };
@@ -122,8 +130,9 @@ impl View for Tuning {
             // A control that was let go unchanged states what is in force.
             draft.follow(&in_force, &now);
         }
-        if self.saved.at_once && let_go && may_send && draft.is_changed() {
-            send(cx, info, &mut draft, &in_force);
+        let is_to_be_sent = draft.is_changed() && !draft.is_sending(&in_force);
+        if self.saved.at_once && let_go && may_send && is_to_be_sent {
+            send(cx, info, &mut draft, &in_force, now_s);
         }
         self.preview(cx, info, &draft, &in_force);
         cx.selection.drafts.params.insert(key, draft);
@@ -176,7 +185,7 @@ impl Tuning {
         crate::toolbar::show(ui, bar, &mut self.saved);
     }
 
-    /// Tells other views what is being edited, or was sent and counts in no map yet.
+    /// Tells other views what is being edited, or was sent, by whomever, and counts in no map yet.
     fn preview(
         &self,
         cx: &mut ViewContext<'_>,
@@ -184,14 +193,15 @@ impl Tuning {
         draft: &Draft,
         in_force: &AnyMessage,
     ) {
-        let replaced = draft.replaced(in_force).filter(|_| fused::awaits_map(cx.frame, info));
+        let replaced = draft.replaced(in_force).or(self.counting.made_with());
+        let replaced = replaced.filter(|_| fused::awaits_map(cx.frame, info));
         let is_sent = !draft.is_changed();
         if is_sent && replaced.is_none() {
             return cx.selection.preview.end(&self.own, Some(&info.name));
         }
         let preview = Preview {
             process: info.name.as_str().into(),
-            run: cx.frame.topic(&info.params_buffer).map_or(RunTag::FIRST, |params| params.run),
+            run: run_of(cx.frame, info),
             params: draft.message(in_force),
             before: replaced.unwrap_or(in_force).clone(),
             is_sent,
@@ -225,21 +235,35 @@ fn given(frame: &Frame, info: &rcs::ProcessInfo, in_force: &AnyMessage) -> Optio
     in_force.schema().value(&given.params).ok()
 }
 
-fn send(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, in_force: &AnyMessage) {
-    let message = draft.message(in_force);
-    draft.sent(in_force, &message);
-    write(cx, info, draft, in_force, message);
+/// The run of the parameters of a process.
+fn run_of(frame: &Frame, info: &rcs::ProcessInfo) -> RunTag {
+    frame.topic(&info.params_buffer).map_or(RunTag::FIRST, |params| params.run)
 }
 
-/// Writes parameters in place of those in force; a fault of the process that follows is shown.
+/// Sends all changes at this time of the window.
+fn send(
+    cx: &mut ViewContext<'_>,
+    info: &rcs::ProcessInfo,
+    draft: &mut Draft,
+    in_force: &AnyMessage,
+    now_s: f64,
+) {
+    let message = draft.message(in_force);
+    draft.sent(in_force, &message);
+    write(cx, info, draft, in_force, message, now_s);
+}
+
+/// Writes parameters in place of those in force at this time of the window; a fault of the process that follows is shown.
 fn write(
     cx: &mut ViewContext<'_>,
     info: &rcs::ProcessInfo,
     draft: &mut Draft,
     in_force: &AnyMessage,
     message: AnyMessage,
+    now_s: f64,
 ) {
     draft.written(in_force, &message, fused::awaits_map(cx.frame, info));
+    draft.await_in_force(&message, run_of(cx.frame, info), now_s);
     draft.await_fault(cx.frame.now, cx.frame.status(info).map_or(0, |status| status.faults));
     cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
 }
@@ -254,17 +278,21 @@ fn actions(
     at_once: bool,
 ) {
     let refused = refusal(cx.frame);
-    let why = refused.unwrap_or("Nothing has been changed.");
+    let is_sending = draft.is_sending(in_force);
+    let now_s = ui.input(|input| input.time);
     ui.add_space(4.0);
     ui.horizontal_wrapped(|ui| {
         ui.add_space(8.0);
-        let can = refused.is_none() && draft.is_changed();
+        let can = refused.is_none() && draft.is_changed() && !is_sending;
         let text = match draft.count() {
+            _ if is_sending => "Sending…".to_owned(),
             0 => "Send".to_owned(),
             count => format!("Send {count}"),
         };
         let button = egui::Button::new(format!("{}  {text}", icons::ICON_SEND.codepoint))
             .min_size(egui::vec2(84.0, 20.0));
+        let sent = "What was sent is not in force yet.";
+        let why = refused.unwrap_or(if is_sending { sent } else { "Nothing has been changed." });
         let response = ui.add_enabled(can, button).on_disabled_hover_text(why);
         let help = if cx.frame.runs.is_at_end {
             "Send all changes as one message, which is recorded"
@@ -272,45 +300,23 @@ fn actions(
             "Send all changes as one message, which is recorded and begins another run"
         };
         if response.on_hover_text(help).clicked() {
-            send(cx, info, draft, in_force);
+            send(cx, info, draft, in_force, now_s);
         }
-        let drop = ui.add_enabled(draft.is_changed(), egui::Button::new("Discard"));
+        let drop = ui.add_enabled(draft.is_changed() && !is_sending, egui::Button::new("Discard"));
         if drop.on_hover_text("Forget the changes that were not sent").clicked() {
             draft.discard();
         }
-        let can_undo = refused.is_none() && draft.can_undo();
+        let can_undo = refused.is_none() && draft.can_undo() && draft.on_its_way().is_none();
         let undo =
             ui.add_enabled(can_undo, egui::Button::new(format!("{}  Undo", icons::ICON_UNDO.codepoint)));
         if undo.on_hover_text("Send the parameters from before the last change").clicked()
             && let Some(before) = draft.undo(in_force)
         {
-            write(cx, info, draft, in_force, before);
+            write(cx, info, draft, in_force, before, now_s);
         }
         ui.separator();
         for (slot, name) in ["A", "B"].into_iter().enumerate() {
-            let kept = draft.kept(slot).cloned();
-            let is_on = kept.as_ref().is_some_and(|kept| kept.bytes() == in_force.bytes());
-            let button = egui::Button::selectable(is_on, name).min_size(egui::vec2(24.0, 20.0));
-            let can = kept.is_none() || refused.is_none();
-            let response = ui.add_enabled(can, button);
-            response
-                .widget_info(|| WidgetInfo::selected(Role::Button, can, is_on, format!("Parameters {name}")));
-            let help = match &kept {
-                None => format!("Keep what is shown as {name}"),
-                Some(_) if is_on => format!("{name} is in force"),
-                Some(_) => format!("Send {name}"),
-            };
-            if response.on_hover_text(help).clicked() {
-                match kept {
-                    None => draft.keep(slot, draft.message(in_force)),
-                    Some(kept) if !is_on => {
-                        draft.discard();
-                        draft.sent(in_force, &kept);
-                        write(cx, info, draft, in_force, kept);
-                    }
-                    Some(_) => {}
-                }
-            }
+            kept_set(ui, cx, info, draft, in_force, (slot, name));
         }
         let any = (0..2).any(|slot| draft.kept(slot).is_some());
         if any && widgets::icon_button(ui, icons::ICON_CLOSE, "Forget A and B").clicked() {
@@ -327,6 +333,49 @@ fn actions(
             ui.label(RichText::new("sends at once").small().color(tokens(ui).warning));
         }
     });
+}
+
+/// Keeps what is shown as A or B, or switches to what was kept: it is sent, or shown where nothing can be sent.
+fn kept_set(
+    ui: &mut Ui,
+    cx: &mut ViewContext<'_>,
+    info: &rcs::ProcessInfo,
+    draft: &mut Draft,
+    in_force: &AnyMessage,
+    (slot, name): (usize, &str),
+) {
+    let kept = draft.kept(slot).cloned();
+    let coming = draft.on_its_way().unwrap_or(in_force).clone();
+    let shown = if draft.is_changed() { draft.message(in_force) } else { coming.clone() };
+    let is_on = kept.as_ref().is_some_and(|kept| is_equal(kept, &shown));
+    let is_coming = kept.as_ref().is_some_and(|kept| is_equal(kept, &coming));
+    let can_send = refusal(cx.frame).is_none();
+    let response = ui.add(egui::Button::selectable(is_on, name).min_size(egui::vec2(24.0, 20.0)));
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_on, format!("Parameters {name}")));
+    let help = match &kept {
+        None => format!("Keep what is shown as {name}"),
+        Some(_) if is_on && is_coming && draft.on_its_way().is_some() => format!("{name} is being sent"),
+        Some(_) if is_on && is_coming => format!("{name} is in force"),
+        Some(_) if is_coming => format!("Back to {name}, which is in force"),
+        Some(_) if can_send => format!("Send {name}"),
+        Some(_) if is_on => format!("{name} is shown"),
+        Some(_) => format!("Show {name}"),
+    };
+    if !response.on_hover_text(help).clicked() {
+        return;
+    }
+    match kept {
+        None => draft.keep(slot, draft.message(in_force)),
+        Some(_) if is_on && (is_coming || !can_send) => {}
+        Some(_) if is_coming => draft.discard(),
+        Some(kept) if can_send => {
+            let now_s = ui.input(|input| input.time);
+            draft.discard();
+            draft.sent(in_force, &kept);
+            write(cx, info, draft, in_force, kept, now_s);
+        }
+        Some(kept) => draft.take(in_force, &kept),
+    }
 }
 
 /// What the user must know: why nothing can be sent, that a branch begins, what was refused.

@@ -37,6 +37,11 @@ pub(super) fn refused(ui: &Ui, id: Id) -> Option<String> {
     (!refusal.is_hidden).then_some(refusal.reason)
 }
 
+/// Forgets why what was typed last was refused by the control that keeps its refusal at `id`.
+pub(super) fn forget_refused(ui: &Ui, id: Id) {
+    ui.data_mut(|data| data.remove::<Refusal>(id));
+}
+
 /// The number that a text states, with a decimal point or a decimal comma.
 fn parsed(text: &str) -> Option<f64> {
     let text: String = text.chars().filter(|c| !c.is_whitespace()).collect();
