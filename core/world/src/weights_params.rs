@@ -1,9 +1,14 @@
 //! Weights in the parameters of a process that fuses costs, found by the roles of the parameters: any process whose
-//! parameters have a list with the roles `source`, `source_weight` and `source_kind`.
+//! parameters have a list with the roles `source`, `source_weight` and `source_kind`. Also which of these weights are
+//! replaced by learned ones.
 
 use crate::{Source, SourceKind, Weighted, Weights};
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
 use rcs_msg::{AnyMessage, Value};
+
+/// The type of messages of learned weights: an entry of their list `weights` has a source, its weight, and the weight
+/// of the parameters from which that was learned (`source`, `weight`, `given`).
+pub const LEARNED_WEIGHTS: &str = "rcs.FusionWeights";
 
 /// Name of the list of sources, and of the fields of an entry: name, weight and kind of a source.
 struct Names {
@@ -64,4 +69,19 @@ pub fn weights_beside(params: &AnyMessage, fused: &Weights) -> Vec<(String, f32)
     let of_map = |entry: &Weighted| fused.get(entry.source).weight;
     let differing = given.iter().filter(|entry| entry.weight != of_map(entry));
     differing.filter_map(|entry| Some((weight_field(params, entry.source)?, of_map(&entry)))).collect()
+}
+
+/// The fields of the weights that are replaced by learned ones, such as `sources[2].weight`; `learned` is a message of
+/// the type [`LEARNED_WEIGHTS`]. A learned weight counts while the parameters have the weight from which it was learned.
+pub fn weights_learned(params: &AnyMessage, learned: &AnyMessage) -> Vec<String> {
+    let (Some(given), Ok(value)) = (weights_of(params), learned.value()) else { return Vec::new() };
+    let Some(Value::List(entries)) = value.field("weights") else { return Vec::new() };
+    let field = |entry: &Value| {
+        let source = Source::new(entry.field("source")?.as_text()?).ok()?;
+        let number = |name: &str| entry.field(name).and_then(Value::as_f64).unwrap_or(0.0) as f32;
+        let from = number("given");
+        let counts = number("weight") != from && given.get(source).weight == from;
+        counts.then(|| weight_field(params, source)).flatten()
+    };
+    entries.iter().filter_map(field).collect()
 }

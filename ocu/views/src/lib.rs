@@ -38,7 +38,9 @@ mod fields;
 mod frames;
 mod hierarchy;
 mod image;
+mod keys;
 mod ladder;
+mod links;
 mod map;
 mod models;
 pub mod offscreen;
@@ -67,7 +69,7 @@ mod views;
 pub use camera::cameras;
 pub use sweep::{SweepRequest, SweepRow, SweepState};
 pub use view::{
-    Drafts, FieldKey, Hover, HoverPoint, Hovers, Preview, Previews, RunChoice, SavedState, Selection,
-    TopicKey, View, ViewContext, ViewType, Wish, show,
+    Drafts, FieldKey, Hover, HoverPoint, Hovers, Preview, PreviewStage, Previews, RunChoice, SavedState,
+    Selection, TopicKey, View, ViewContext, ViewType, Wish, show,
 };
 pub use views::{all, view_type};

@@ -9,122 +9,19 @@ use crate::tuning::draft::Draft as ParamsDraft;
 use egui::Ui;
 use ocu_ui::{stale, tokens};
 use rcs_formula::FieldRef;
-use rcs_msg::{AnyMessage, FieldPath, Stamp};
+use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Compared, Control, Frame, RunTag, Topic};
-use serde::{Deserialize, Serialize};
+use rcs_runtime::source::{Compared, Control, Frame, Topic};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
-/// Which run is meant, where several contain a topic of the same name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RunChoice {
-    /// The run being shown.
-    #[default]
-    Shown,
-    /// The recording.
-    Recorded,
-    /// The run with this number.
-    Run(u32),
-}
-
-impl RunChoice {
-    /// The run, if it is not the one being shown.
-    pub fn id(self) -> Option<RunId> {
-        match self {
-            Self::Run(run) => Some(RunId(run)),
-            Self::Shown | Self::Recorded => None,
-        }
-    }
-
-    /// What topics and series of the run are marked with in a frame.
-    pub(crate) fn tag(self, frame: &Frame) -> RunTag {
-        match self {
-            Self::Shown => RunTag::Run(frame.runs.current()),
-            Self::Recorded => RunTag::Recorded,
-            Self::Run(run) => RunTag::Run(RunId(run)),
-        }
-    }
-
-    /// Name in lists.
-    pub fn name(self) -> String {
-        match self {
-            Self::Shown => "the viewed run".to_owned(),
-            Self::Recorded => "the recording".to_owned(),
-            Self::Run(run) => RunId(run).to_string(),
-        }
-    }
-}
+pub use crate::keys::{FieldKey, RunChoice, TopicKey};
+pub use crate::links::{Hover, HoverPoint, Hovers, Preview, PreviewStage, Previews};
 
 /// The run of a frame that is shown beside the viewed run; `None` for the viewed run.
 pub(crate) fn run_beside(frame: &Frame) -> Option<RunId> {
     frame.is_beside.then(|| frame.runs.current())
-}
-
-/// Identifies a topic in layouts, in selections and while dragging.
-#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(from = "StoredKey")]
-pub struct TopicKey {
-    /// Name of the buffer: `/wm1/map`.
-    pub name: String,
-    /// The run.
-    pub run: RunChoice,
-}
-
-/// A key as stored in layouts: older versions have `recorded` instead of `run`.
-#[derive(Deserialize)]
-struct StoredKey {
-    name: String,
-    #[serde(default)]
-    run: Option<RunChoice>,
-    #[serde(default)]
-    recorded: bool,
-}
-
-impl From<StoredKey> for TopicKey {
-    fn from(stored: StoredKey) -> Self {
-        let old = if stored.recorded { RunChoice::Recorded } else { RunChoice::Shown };
-        Self { name: stored.name, run: stored.run.unwrap_or(old) }
-    }
-}
-
-impl TopicKey {
-    /// The key of a topic; for a computed topic, in whichever run is shown.
-    pub fn of(topic: &Topic) -> Self {
-        let run = if topic.run.is_recorded() { RunChoice::Recorded } else { RunChoice::Shown };
-        Self { name: topic.name.to_string(), run }
-    }
-
-    /// The topic with this name in the run being shown.
-    pub fn shown(name: impl Into<String>) -> Self {
-        Self { name: name.into(), run: RunChoice::Shown }
-    }
-
-    /// Finds the topic in a frame; in another run where it does not exist in the one that is meant.
-    pub fn find<'a>(&self, frame: &'a Frame) -> Option<&'a Topic> {
-        frame.topic_of(&self.name, self.run.tag(frame)).or_else(|| frame.topic(&self.name))
-    }
-
-    /// Whether the key identifies exactly this topic.
-    pub fn is(&self, topic: &Topic) -> bool {
-        let same_run = match (self.run, topic.run) {
-            (RunChoice::Recorded, run) => run.is_recorded(),
-            (RunChoice::Shown, run) => !run.is_recorded(),
-            (RunChoice::Run(number), run) => run == RunTag::Run(RunId(number)),
-        };
-        *self.name == *topic.name && same_run
-    }
-}
-
-/// Identifies a field of a topic while dragging.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FieldKey {
-    /// The topic.
-    pub topic: TopicKey,
-    /// Path of the field.
-    pub path: FieldPath,
 }
 
 /// Whether the newest message of a topic is outdated: the one rule of all views.
@@ -146,74 +43,6 @@ pub(crate) fn is_twin(frame: &Frame, topic: &Topic) -> bool {
 /// Last known rate of a topic; 0 where unknown, as for a single message.
 pub(crate) fn rate_hz(topic: &Topic) -> f64 {
     topic.hz.unwrap_or(0.0)
-}
-
-/// A position in a frame.
-#[derive(Clone, Debug)]
-pub struct HoverPoint {
-    /// Coordinate frame of the position.
-    pub frame_id: String,
-    /// x, y, z, m; z is NaN where unknown.
-    pub position_m: [f64; 3],
-}
-
-/// Unknown coordinates are equal: a pointer that rests asks for no repaint.
-impl PartialEq for HoverPoint {
-    fn eq(&self, other: &Self) -> bool {
-        let bits = |point: &Self| point.position_m.map(f64::to_bits);
-        self.frame_id == other.frame_id && bits(self) == bits(other)
-    }
-}
-
-/// What is under the pointer, as one view says it; the other views mark what they show of it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Hover {
-    /// The topic.
-    pub topic: Option<TopicKey>,
-    /// The process.
-    pub process: Option<Arc<str>>,
-    /// Path of a field of the topic.
-    pub field: Option<Arc<str>>,
-    /// Column and row of a cell of the topic.
-    pub cell: Option<[usize; 2]>,
-    /// Position in an image of the topic, pixels from its left upper corner.
-    pub pixel: Option<[f64; 2]>,
-    /// A position in space.
-    pub point: Option<HoverPoint>,
-    /// A time of the source.
-    pub time: Option<Stamp>,
-}
-
-/// What is hovered, in two phases: all views read what was said in the last pass, and say what holds in this one. So
-/// links work between all views, whichever is painted first.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Hovers {
-    last: Hover,
-    next: Hover,
-}
-
-impl Hovers {
-    /// What was hovered in the last pass.
-    pub fn get(&self) -> &Hover {
-        &self.last
-    }
-
-    /// Says what is hovered now.
-    pub fn set(&mut self, hover: Hover) {
-        self.next = hover;
-    }
-
-    /// What has been said in this pass.
-    pub fn said(&mut self) -> &mut Hover {
-        &mut self.next
-    }
-
-    /// Ends a pass; returns whether views have to be painted again.
-    pub fn turn(&mut self) -> bool {
-        let changed = self.next != self.last;
-        self.last = std::mem::take(&mut self.next);
-        changed
-    }
 }
 
 /// The user's selection, shared by all views.
@@ -283,81 +112,6 @@ impl Drafts {
         self.examples.values_mut().for_each(Example::forget_sent);
         self.fields.values_mut().for_each(FieldsDraft::forget_sent);
         self
-    }
-}
-
-/// Parameters that count in no map yet: they are being edited, or were sent after the newest map was made.
-#[derive(Clone, Debug)]
-pub struct Preview {
-    /// The process to which they belong.
-    pub process: Arc<str>,
-    /// The run of its parameters; maps of other runs are not previewed.
-    pub run: RunTag,
-    /// The complete parameters.
-    pub params: AnyMessage,
-    /// The complete parameters with which the newest map was made.
-    pub before: AnyMessage,
-    /// Whether they were sent, and nothing was edited since.
-    pub is_sent: bool,
-}
-
-impl PartialEq for Preview {
-    fn eq(&self, other: &Self) -> bool {
-        (&self.process, self.run, self.is_sent) == (&other.process, other.run, other.is_sent)
-            && self.params.same(&other.params)
-            && self.before.same(&other.before)
-    }
-}
-
-/// A preview, and the view that stated it.
-#[derive(Clone, Debug)]
-struct Stated {
-    preview: Preview,
-    by: Weak<()>,
-}
-
-/// What is being edited, in two phases as [`Hovers`]. A preview stays while its view exists, also hidden, until the view
-/// ends it or another one states its own.
-#[derive(Clone, Debug, Default)]
-pub struct Previews {
-    last: Option<Stated>,
-    next: Option<Stated>,
-    is_ended: bool,
-}
-
-impl PartialEq for Previews {
-    fn eq(&self, other: &Self) -> bool {
-        self.get() == other.get()
-    }
-}
-
-impl Previews {
-    /// What was being edited in the last pass.
-    pub fn get(&self) -> Option<&Preview> {
-        self.last.as_ref().map(|stated| &stated.preview)
-    }
-
-    /// A view states what is edited in it. `by` belongs to the view alone, and is dropped with it.
-    pub fn set(&mut self, by: &Arc<()>, preview: Preview) {
-        self.next = Some(Stated { preview, by: Arc::downgrade(by) });
-    }
-
-    /// A view states that it edits nothing of a process, or nothing at all. The previews of other views stay.
-    pub fn end(&mut self, by: &Arc<()>, process: Option<&str>) {
-        let ends = |stated: &Stated| {
-            let is_own = stated.by.ptr_eq(&Arc::downgrade(by));
-            is_own && process.is_none_or(|process| *stated.preview.process == *process)
-        };
-        self.is_ended |= self.last.as_ref().is_some_and(ends);
-    }
-
-    /// Ends a pass; returns whether views have to be painted again.
-    pub fn turn(&mut self) -> bool {
-        let is_ended = std::mem::take(&mut self.is_ended);
-        let last = self.last.take();
-        let stays = |stated: &&Stated| !is_ended && stated.by.strong_count() > 0;
-        self.last = self.next.take().or_else(|| last.as_ref().filter(stays).cloned());
-        self.get() != last.as_ref().map(|stated| &stated.preview)
     }
 }
 
@@ -555,22 +309,5 @@ fn take_field(view: &mut dyn View, ui: &Ui, rect: egui::Rect) {
     if ui.input(|input| input.pointer.any_released()) {
         view.drop_field(&field, at);
         egui::DragAndDrop::clear_payload(ui.ctx());
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn keys_of_older_layouts_open_and_newer_ones_keep_their_run() {
-        let read = |text: &str| serde_json::from_str::<TopicKey>(text).unwrap();
-        assert_eq!(read(r#"{"name":"/a"}"#), TopicKey::shown("/a"));
-        assert_eq!(read(r#"{"name":"/a","recorded":false}"#), TopicKey::shown("/a"));
-        assert_eq!(read(r#"{"name":"/a","recorded":true}"#).run, RunChoice::Recorded);
-        for run in [RunChoice::Shown, RunChoice::Recorded, RunChoice::Run(3)] {
-            let key = TopicKey { name: "/a".into(), run };
-            assert_eq!(read(&serde_json::to_string(&key).unwrap()), key);
-        }
     }
 }

@@ -104,8 +104,9 @@ pub(crate) fn check_sources(params: &WorldModelParams) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::proto::{FusionWeight, FusionWeights};
     use rcs_msg::AnyMessage;
-    use rcs_world::{Fused, weight_field, weights_beside, weights_of};
+    use rcs_world::{Fused, LEARNED_WEIGHTS, weight_field, weights_beside, weights_learned, weights_of};
 
     #[test]
     fn a_learned_weight_counts_with_the_weight_of_the_parameters_from_which_it_was_learned() {
@@ -131,6 +132,29 @@ mod tests {
         let message = AnyMessage::new(params.clone());
         assert_eq!(weights_beside(&message, &fused), [("sources[1].weight".to_owned(), 0.25_f32)]);
         assert!(weights_beside(&message, &Listed::of(&params).weights).is_empty());
+    }
+
+    #[test]
+    fn a_window_finds_the_weights_of_the_parameters_that_are_replaced_by_learned_ones() {
+        let entry =
+            |name: &str| WorldModelSource { name: name.to_owned(), weight: 0.5, ..Default::default() };
+        let params =
+            WorldModelParams { sources: vec![entry("stereo"), entry("color")], ..Default::default() };
+        let of = |source: Source, weight: f64, given: f64| {
+            let learned = [(source, weight as f32, given as f32)];
+            let is_other = Listed::of(&params).with_learned(&learned).weights != Listed::of(&params).weights;
+            let weights = vec![FusionWeight { source: source.to_string(), weight, given }];
+            let message = AnyMessage::new(FusionWeights { weights, ..Default::default() });
+            assert_eq!(message.schema().name(), LEARNED_WEIGHTS);
+            let found = weights_learned(&AnyMessage::new(params.clone()), &message);
+            assert_eq!(is_other, !found.is_empty(), "the process does what the window finds");
+            found
+        };
+        assert_eq!(of(Source::COLOR, 0.2, 0.5), ["sources[1].weight"]);
+        assert_eq!(of(Source::COLOR, 0.0, 0.5), ["sources[1].weight"]);
+        assert!(of(Source::COLOR, 0.5, 0.5).is_empty(), "nothing was learned");
+        assert!(of(Source::COLOR, 0.2, 0.4).is_empty(), "the parameters have changed");
+        assert!(of(Source::TERRAIN, 0.2, 1.0).is_empty(), "not listed");
     }
 
     /// A window fuses a map again with weights that it reads from the parameters: they must be those of the process.

@@ -61,7 +61,7 @@ mod tests {
     use crate::map::LayerState;
     use crate::map::preview::Edited;
     use crate::samples;
-    use crate::view::{Selection, View, ViewContext};
+    use crate::view::{PreviewStage, Selection, View, ViewContext};
     use egui::Vec2;
     use egui_kittest::Harness;
     use rcs_msg::foxglove::{Grid, Vector2};
@@ -97,11 +97,15 @@ mod tests {
         let text = map.preview_text(&shown);
         assert_eq!(text.as_deref(), Some("preview of /wm1/map: edited weights, not sent"));
         assert_eq!(top(&map).as_deref(), Some("/wm1/map"));
-        let mut sent = preview();
-        sent.preview.is_sent = true;
-        map.preview = Some(sent);
-        let text = map.preview_text(&shown);
-        assert_eq!(text.as_deref(), Some("preview of /wm1/map: weights sent, in force from the next map"));
+        for (stage, expected) in [
+            (PreviewStage::OnItsWay, "preview of /wm1/map: weights sent, on their way"),
+            (PreviewStage::InForce, "preview of /wm1/map: weights sent, in force from the next map"),
+        ] {
+            let mut sent = preview();
+            sent.preview.stage = stage;
+            map.preview = Some(sent);
+            assert_eq!(map.preview_text(&shown).as_deref(), Some(expected));
+        }
     }
 
     #[test]

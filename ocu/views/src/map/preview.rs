@@ -5,7 +5,7 @@
 
 use super::layers::Layer;
 use crate::tuning::{in_force, is_equal};
-use crate::view::Preview;
+use crate::view::{Preview, PreviewStage};
 use rcs_runtime::source::Frame;
 use rcs_world::{MapMessage, Weights, weights_of};
 
@@ -16,14 +16,14 @@ pub(super) struct Edited {
     weights: Option<[Weights; 2]>,
 }
 
-/// Whether a preview shows what will be: what was sent must be in force still. The view that states it may be hidden while
-/// the run goes back to before it.
+/// Whether a preview shows what will be: parameters that were in force must be so still. The view that states it may be
+/// hidden while the run goes back to before it.
 pub(super) fn holds(preview: &Preview, frame: &Frame) -> bool {
     let process = || frame.processes.iter().find(|info| *info.name == *preview.process);
     let is_in_force = || {
         process().and_then(|info| in_force(frame, info)).is_some_and(|now| is_equal(&now, &preview.params))
     };
-    !preview.is_sent || is_in_force()
+    preview.stage != PreviewStage::InForce || is_in_force()
 }
 
 impl Edited {
@@ -50,10 +50,10 @@ impl Edited {
 
     /// What is said of the maps with these names.
     pub(super) fn text(&self, names: &[&str]) -> String {
-        let state = if self.preview.is_sent {
-            "weights sent, in force from the next map"
-        } else {
-            "edited weights, not sent"
+        let state = match self.preview.stage {
+            PreviewStage::Edited => "edited weights, not sent",
+            PreviewStage::OnItsWay => "weights sent, on their way",
+            PreviewStage::InForce => "weights sent, in force from the next map",
         };
         format!("preview of {}: {state}", names.join(", "))
     }
@@ -73,7 +73,8 @@ impl Edited {
         // Any message will do: the weights are read already.
         let params = rcs_msg::AnyMessage::new(rcs_msg::rcs::SpeedLimit { max_speed_mps: 1.0 });
         let run = rcs_runtime::source::RunTag::FIRST;
-        let preview = Preview { process: "wm1".into(), run, before: params.clone(), params, is_sent: false };
+        let stage = PreviewStage::Edited;
+        let preview = Preview { process: "wm1".into(), run, before: params.clone(), params, stage };
         Self { preview, weights: Some([edited, before]) }
     }
 }
@@ -141,7 +142,7 @@ mod tests {
     #[test]
     fn what_was_sent_is_no_preview_where_it_is_not_in_force_any_more() {
         let speed = |max_speed_mps: f64| rcs_msg::AnyMessage::new(rcs_msg::rcs::SpeedLimit { max_speed_mps });
-        let preview = |is_sent: bool| Preview { is_sent, params: speed(2.0), ..edited().preview };
+        let preview = |stage: PreviewStage| Preview { stage, params: speed(2.0), ..edited().preview };
         let frame = |in_force: f64| {
             let limit = rcs_msg::rcs::SpeedLimit { max_speed_mps: in_force };
             let params = samples::topic("/wm1/params", 0.0, 1.0, limit);
@@ -152,8 +153,11 @@ mod tests {
             };
             Frame { topics: Arc::new([params]), processes: Arc::new([info]), ..samples::driving() }
         };
-        assert_eq!([2.0, 1.0].map(|in_force| holds(&preview(true), &frame(in_force))), [true, false]);
-        assert!(holds(&preview(false), &frame(1.0)), "what is being edited is not in force");
+        let sent = preview(PreviewStage::InForce);
+        assert_eq!([2.0, 1.0].map(|in_force| holds(&sent, &frame(in_force))), [true, false]);
+        for stage in [PreviewStage::Edited, PreviewStage::OnItsWay] {
+            assert!(holds(&preview(stage), &frame(1.0)), "{stage:?} is not in force");
+        }
     }
 
     fn edited() -> Edited {

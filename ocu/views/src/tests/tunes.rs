@@ -2,7 +2,7 @@
 
 use super::{Shown, harness};
 use crate::samples;
-use crate::view::{Preview, Previews, Wish};
+use crate::view::{Preview, PreviewStage, Previews, Wish};
 use crate::views::view_type;
 use egui::accesskit::Role;
 use egui::{Event, Key, Theme, Vec2};
@@ -390,16 +390,26 @@ fn a_command_with_parameters_in_the_menu_of_a_box_is_to_be_prepared_and_is_not_s
     assert_eq!((&**process, command.as_str()), ("vehicle_interface", "LIMIT"));
 }
 
+fn preview(process: &str, stage: PreviewStage) -> Preview {
+    let params = AnyMessage::new(SpeedLimit { max_speed_mps: 1.0 });
+    Preview { process: process.into(), run: RunTag::FIRST, before: params.clone(), params, stage }
+}
+
+#[test]
+fn a_preview_of_what_is_on_its_way_ends_when_its_view_is_hidden() {
+    let own = Arc::new(());
+    let mut previews = Previews::default();
+    for _ in 0..2 {
+        previews.set(&own, preview("wm1", PreviewStage::OnItsWay));
+        previews.turn();
+        assert!(previews.get().is_some());
+    }
+    assert!(previews.turn() && previews.get().is_none(), "nobody notices whether it was lost");
+}
+
 #[test]
 fn a_preview_stays_while_its_view_exists_until_that_view_ends_it() {
-    let params = AnyMessage::new(SpeedLimit { max_speed_mps: 1.0 });
-    let preview = |process: &str| Preview {
-        process: process.into(),
-        run: RunTag::FIRST,
-        params: params.clone(),
-        before: params.clone(),
-        is_sent: false,
-    };
+    let preview = |process: &str| preview(process, PreviewStage::Edited);
     let (a, b) = (Arc::new(()), Arc::new(()));
     let mut previews = Previews::default();
     previews.set(&a, preview("wm1"));

@@ -1,44 +1,56 @@
-//! What the newest map of a process says of its parameters: with which weights it was fused, and whether it was made before
-//! the parameters were sent.
+//! What the newest map of a process says of its parameters: with which weights it was fused, which of these are learned
+//! ones, and whether it was made before the parameters were sent.
 
 use rcs_msg::params::with_params;
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic};
-use rcs_world::{MapMessage, Weights, weights_beside, weights_of};
+use rcs_world::{LEARNED_WEIGHTS, MapMessage, Weights, weights_beside, weights_learned, weights_of};
 use std::collections::BTreeMap;
 
 /// The weights of the newest map that differ from those of the parameters.
 #[derive(Default)]
 pub(super) struct Counting {
-    /// The parameters and the weights of the map from which they were found.
-    of: Option<(AnyMessage, Weights)>,
+    /// The parameters, the weights of the map and the message of learned weights from which they were found.
+    of: Option<(AnyMessage, Weights, Option<AnyMessage>)>,
     by_path: BTreeMap<String, f32>,
-    /// The parameters with these weights; `None` if none differs.
+    /// The parameters with those of these weights that are no learned ones; `None` if there are none.
     made_with: Option<AnyMessage>,
 }
 
 impl Counting {
-    /// By the path of the parameter. They are found again only when the parameters or the weights of the map change.
-    pub(super) fn follow(&mut self, params: &AnyMessage, fused: Option<&Weights>) -> &BTreeMap<String, f32> {
+    /// By the path of the parameter. They are found again only when the parameters, the weights of the map or the
+    /// learned weights change.
+    pub(super) fn follow(
+        &mut self,
+        params: &AnyMessage,
+        fused: Option<&Weights>,
+        learned: Option<&AnyMessage>,
+    ) -> &BTreeMap<String, f32> {
         let is_known = match (&self.of, fused) {
-            (Some((of, weights)), Some(fused)) => of.same(params) && weights == fused,
+            (Some((of, weights, from)), Some(fused)) => {
+                let is_from_it = from.as_ref().zip(learned).is_none_or(|(from, learned)| from.same(learned));
+                of.same(params) && weights == fused && from.is_some() == learned.is_some() && is_from_it
+            }
             (None, None) => true,
             _ => false,
         };
         if !is_known {
-            self.of = fused.map(|fused| (params.clone(), fused.clone()));
+            self.of = fused.map(|fused| (params.clone(), fused.clone(), learned.cloned()));
             let differing = fused.map(|fused| weights_beside(params, fused));
             self.by_path = differing.into_iter().flatten().collect();
+            let learned = learned.map(|learned| weights_learned(params, learned)).unwrap_or_default();
+            let others = self.by_path.iter().filter(|(path, _)| !learned.contains(path));
             let texts: Vec<(&str, String)> =
-                self.by_path.iter().map(|(path, weight)| (path.as_str(), weight.to_string())).collect();
+                others.map(|(path, weight)| (path.as_str(), weight.to_string())).collect();
             let changes = texts.iter().map(|(path, weight)| (*path, weight.as_str()));
             self.made_with = if texts.is_empty() { None } else { with_params(params, changes).ok() };
         }
         &self.by_path
     }
 
-    /// The parameters that were followed last, with the weights of the map; `None` if these are the same.
+    /// The parameters that were followed last, with the weights of the map; a weight that is replaced by a learned one
+    /// stays as it is. `None` if no other one differs.
     pub(super) fn made_with(&self) -> Option<&AnyMessage> {
         self.made_with.as_ref()
     }
@@ -56,6 +68,12 @@ fn maps<'a>(frame: &'a Frame, info: &'a rcs::ProcessInfo) -> impl Iterator<Item 
 /// The weights with which the newest map of a process was fused; `None` if no map of it states them.
 pub(super) fn weights<'a>(frame: &'a Frame, info: &'a rcs::ProcessInfo) -> Option<&'a Weights> {
     maps(frame, info).find_map(message).map(|map| &map.options().weights)
+}
+
+/// The newest message of learned weights that a process has received; `None` if it has no such input.
+pub(super) fn learned<'a>(frame: &'a Frame, info: &rcs::ProcessInfo) -> Option<&'a AnyMessage> {
+    let input = info.inputs.iter().find(|input| input.schema == LEARNED_WEIGHTS)?;
+    frame.topic(&input.buffer)?.canonical()
 }
 
 /// Whether the newest map of a process was made before it took its parameters, which have weights.

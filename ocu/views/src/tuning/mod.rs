@@ -8,7 +8,7 @@ mod fused;
 mod number;
 
 use crate::command::refusal;
-use crate::view::{Preview, SavedState, View, ViewContext, Wish, run_beside};
+use crate::view::{Preview, PreviewStage, SavedState, View, ViewContext, Wish, run_beside};
 use controls::Row;
 use draft::Draft;
 pub(crate) use draft::is_equal;
@@ -96,7 +96,8 @@ impl View for Tuning {
         let value = draft.message(&in_force).value().unwrap_or(now.clone());
         let search = self.saved.search.trim().to_lowercase();
         let given = given(cx.frame, info, &in_force);
-        let counting = self.counting.follow(&in_force, fused::weights(cx.frame, info));
+        let learned = fused::learned(cx.frame, info);
+        let counting = self.counting.follow(&in_force, fused::weights(cx.frame, info), learned);
         let mut edits = Vec::new();
         let mut let_go = false;
         // An id of its own: a note that comes or goes above would cut off a slider that is being dragged.
@@ -195,16 +196,21 @@ impl Tuning {
     ) {
         let replaced = draft.replaced(in_force).or(self.counting.made_with());
         let replaced = replaced.filter(|_| fused::awaits_map(cx.frame, info));
-        let is_sent = !draft.is_changed();
-        if is_sent && replaced.is_none() {
+        let coming = draft.on_its_way().filter(|_| draft.is_sending(in_force));
+        let stage = match coming {
+            Some(_) => PreviewStage::OnItsWay,
+            None if draft.is_changed() => PreviewStage::Edited,
+            None => PreviewStage::InForce,
+        };
+        if stage == PreviewStage::InForce && replaced.is_none() {
             return cx.selection.preview.end(&self.own, Some(&info.name));
         }
         let preview = Preview {
             process: info.name.as_str().into(),
             run: run_of(cx.frame, info),
-            params: draft.message(in_force),
+            params: coming.cloned().unwrap_or_else(|| draft.message(in_force)),
             before: replaced.unwrap_or(in_force).clone(),
-            is_sent,
+            stage,
         };
         cx.selection.preview.set(&self.own, preview);
     }
