@@ -3,14 +3,13 @@
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// A message that is behind the newest one by more than this is late, or of a clock that has begun again, s; by less, it is
-/// late.
-pub const CLOCK_BEGINS_AGAIN_S: f64 = 10.0;
+/// A time that is behind another one by more than this is far behind it, s.
+const FAR_BEHIND_S: f64 = 10.0;
 
 /// Tells a clock that has begun again from a message that is late.
 ///
-/// One message that is more than [`CLOCK_BEGINS_AGAIN_S`] behind the newest one may be late, and is not used. A second one in
-/// a row, which is later than the first, means that the clock has begun again: it is used.
+/// One message that is far behind the newest one ([`ClockWatch::is_far_behind`]) may be late, and is not used. A second one
+/// in a row, which is later than the first, means that the clock has begun again: it is used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClockWatch {
     /// Time of the message before, if that was so far behind the newest one.
@@ -18,9 +17,15 @@ pub struct ClockWatch {
 }
 
 impl ClockWatch {
+    /// Whether a time is behind the newest one by more than 10 s: it is late, or of a clock that has begun again. By less, it
+    /// is late.
+    pub fn is_far_behind(newest: Stamp, time: Stamp) -> bool {
+        newest.seconds_since(time) > FAR_BEHIND_S
+    }
+
     /// Takes the time of each message, and that of the newest one that was used before. Whether the clock has begun again.
     pub fn begins_again(&mut self, newest: Option<Stamp>, time: Stamp) -> bool {
-        let is_behind = newest.is_some_and(|newest| newest.seconds_since(time) > CLOCK_BEGINS_AGAIN_S);
+        let is_behind = newest.is_some_and(|newest| Self::is_far_behind(newest, time));
         let before = self.behind.take();
         let begins_again = is_behind && before.is_some_and(|before| time > before);
         self.behind = (is_behind && !begins_again).then_some(time);
@@ -49,6 +54,12 @@ mod tests {
         assert_eq!(begins_again([500, 1, 2, 3, 4]), [false, false, true, false, false]);
         assert_eq!(begins_again([500, 1, 1, 2]), [false, false, false, true], "the same one twice");
         assert_eq!(begins_again([500, 300, 301, 1, 2])[2..], [true, false, true], "and once more");
+    }
+
+    #[test]
+    fn a_time_is_far_behind_the_newest_one_by_more_than_10_s() {
+        let is_far_behind = |ms: u64| ClockWatch::is_far_behind(Stamp(20_000_000_000), Stamp(ms * 1_000_000));
+        assert_eq!([9_999, 10_000, 20_000, 40_000].map(is_far_behind), [true, false, false, false]);
     }
 
     #[test]

@@ -53,7 +53,7 @@ mod slippery;
 mod standing;
 mod worth;
 
-pub use clock::{CLOCK_BEGINS_AGAIN_S, ClockWatch};
+pub use clock::ClockWatch;
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
 pub use extrinsics::{
     Axes, Extrinsics, MAX_ROLL_DEG, MIN_UPRIGHT, OnItsSide, Rolled, camera_of, camera_roll_deg,

@@ -1,6 +1,6 @@
 //! The four inputs from which a process can learn the pose of its vehicle.
 
-use crate::clock::CLOCK_BEGINS_AGAIN_S;
+use crate::clock::ClockWatch;
 use crate::localizer::{FrameNames, Localizer, LocalizerError};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame};
@@ -33,9 +33,9 @@ impl PosePorts {
 
     /// Adds all unread messages to the localizer. A refused message is a fault of the process, and is skipped.
     ///
-    /// Returns whether the clock of the vehicle's poses has begun again: the newest one is older by more than
-    /// [`CLOCK_BEGINS_AGAIN_S`] than the newest one before. The poses of the old clock are forgotten then, from the third
-    /// one of the new clock on.
+    /// Returns whether the clock of the vehicle's poses has begun again: the newest one is far behind the newest one before
+    /// ([`ClockWatch::is_far_behind`]). The poses of the old clock are forgotten then, from the third one of the new clock
+    /// on.
     pub fn read(&self, localizer: &mut Localizer, names: FrameNames<'_>, cx: &mut Cycle<'_>) -> bool {
         let now = cx.now();
         let source = localizer.source(names);
@@ -61,9 +61,7 @@ impl PosePorts {
             report(cx, localizer.add_pose(&message, message.acq_time(), now));
         }
         let newest = localizer.newest_until(names.local, source, Stamp(u64::MAX));
-        let is_far_behind =
-            |(before, newest): (Stamp, Stamp)| before.seconds_since(newest) > CLOCK_BEGINS_AGAIN_S;
-        before.zip(newest).is_some_and(is_far_behind)
+        before.zip(newest).is_some_and(|(before, newest)| ClockWatch::is_far_behind(before, newest))
     }
 }
 

@@ -346,7 +346,7 @@ impl Process for WaypointGenerator {
         if std::mem::take(&mut self.is_standing) {
             ports.children.order_follower(Order::Run, cx);
         }
-        self.send_route(ports, params, stated, goal, cx);
+        self.send_route(ports, params, stated, goal, arrived, cx);
         let age_s = cx.now().seconds_since(at);
         let mut note = self.search.as_ref().map_or(String::new(), GoalSearch::note);
         note.push_str(self.unused_far_path());

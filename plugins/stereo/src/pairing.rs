@@ -5,7 +5,7 @@
 //! images that wait by the old one have no counterpart any more.
 
 use rcs_msg::Stamp;
-use rcs_sense::{CLOCK_BEGINS_AGAIN_S, ClockWatch};
+use rcs_sense::ClockWatch;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -120,7 +120,7 @@ impl<T> Pairing<T> {
         let mut dropped = 0;
         for waiting in &mut self.cameras {
             let before = waiting.len();
-            waiting.retain(|image| image.taken.seconds_since(time) <= CLOCK_BEGINS_AGAIN_S);
+            waiting.retain(|image| !ClockWatch::is_far_behind(image.taken, time));
             dropped += before - waiting.len();
         }
         dropped

@@ -17,7 +17,7 @@ use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, CELL_SIZE_M, CLOCK_BEGINS_AGAIN_S, FrameWatch, GridFrame, Localizer, PosePorts, SensorTime,
+    Axes, CELL_SIZE_M, ClockWatch, FrameWatch, GridFrame, Localizer, PosePorts, SensorTime,
     fingerprint_of_texts, model_to_delete,
 };
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
@@ -197,10 +197,9 @@ impl Process for TerrainLearner {
             let time = labels.time;
             if labels.begins_again {
                 // The times of the old clock are no measure of what is late.
-                let is_of_this_clock = |other: &Stamp| other.seconds_since(time) <= CLOCK_BEGINS_AGAIN_S;
                 self.begun = None;
                 let other = &mut self.cameras[1 - side].newest;
-                *other = other.filter(is_of_this_clock);
+                *other = other.filter(|&other| !ClockWatch::is_far_behind(other, time));
             }
             self.begun = not_ahead(self.begun, time, cx.now()).or(Some(time));
             match self.cameras[side].frame(time, &labels.image, params) {

@@ -99,9 +99,10 @@
 //! parameter `memory` of the next one; `ocu run --save` writes it, and `ocu run --runs` hands it over. It is registered
 //! against what is sensed before it is believed, stays where it is in the local frame while the estimate of the position
 //! changes, and follows what is sensed as the local frame drifts ([`memory`]); one that does not fit, or is of another UTM
-//! zone, is not used, and the status says why. Until that is decided, it is saved as it was. `registration` also places
-//! the route of that run. What it says is one source of the world model, whose weight is such that anything sensed
-//! outvotes it.
+//! zone, is not used, and the status says why. Until that is decided, it is saved as it was. Where the local frame begins
+//! again, what this run has saved is remembered in the same way, and nothing is saved until it is registered.
+//! `registration` also places the route of the earlier run. What is remembered is one source of the world model, whose
+//! weight is such that anything sensed outvotes it.
 //!
 //! # Where to begin
 //!

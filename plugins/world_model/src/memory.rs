@@ -68,6 +68,9 @@ pub enum MemoryError {
         /// Number of rows.
         rows: usize,
     },
+    /// It is not known yet where what this run saved before lies in its local frame.
+    #[error("what was saved before the local frame began again stays until it is registered")]
+    Unregistered,
     /// The map is in another zone than the global frame.
     #[error("the map is in UTM zone {got}, expected zone {expected} of the global frame's origin")]
     Zone {

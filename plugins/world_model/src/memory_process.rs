@@ -2,8 +2,10 @@
 //! port table is in the crate's documentation.
 
 mod output;
+mod own;
 mod track;
 
+use self::own::Own;
 use self::track::MOST_TRACK;
 use crate::memory::{Rectangle, by_shape, parse};
 use crate::proto::{MapMemory, MapMemoryParams};
@@ -60,8 +62,10 @@ pub struct MapMemoryKeeper {
     /// In how many messages that could be compared it has not fitted, until it is believed: from [`IN_TURN`] on it is
     /// rejected.
     misfits: u32,
-    /// Whether it has saved a map of this run.
-    has_saved: bool,
+    /// Where the local frame lay in the global one when the map of this run was saved last; `None` before.
+    saved_in: Option<Pose>,
+    /// What this run had saved when its local frame began again: it is remembered instead of the map of the parameters.
+    own: Option<Own>,
     /// Number of messages in turn in which another place had clearly more support.
     elsewhere: u32,
     /// When the costs were sent last, and where the frame of the remembered map then was in the local one.
@@ -78,6 +82,7 @@ pub struct MapMemoryKeeper {
     text: String,
     /// Fingerprint of the remembered map of the parameters, to which all of this belongs.
     used: Option<u64>,
+    /// The remembered map: that of the parameters, or of this run (`own`).
     #[serde(skip)]
     remembered: FromParams,
 }
@@ -185,7 +190,7 @@ impl Process for MapMemoryKeeper {
 
     /// What was stated to the world model is taken back or replaced.
     fn renew(&self, params: &MapMemoryParams) -> Self {
-        Self { sent: self.sent, has_saved: self.has_saved, ..Self::new(params) }
+        Self { sent: self.sent, saved_in: self.saved_in, ..Self::new(params) }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) {
@@ -289,9 +294,10 @@ impl MapMemoryKeeper {
         if self.used.replace(used).is_some_and(|before| before != used) {
             self.place(None);
             (self.settled, self.proposed, self.misfits, self.elsewhere) = (None, None, 0, 0);
-            (self.dropped, self.no_way) = (None, None);
+            (self.dropped, self.no_way, self.own) = (None, None, None);
             self.text.clear();
         }
+        self.take_own();
     }
 
     /// Believes that the remembered map lies here, or that it lies nowhere. What was counted before does not count for the
@@ -311,6 +317,7 @@ impl MapMemoryKeeper {
         self.cleared = Some(now);
         self.dropped = Some("the remembered map is cleared".to_owned());
         (self.kept, self.leapt, self.saved) = (Kept::default(), None, None);
+        (self.settled, self.own) = (None, None);
         self.track.clear();
         self.recent.clear();
     }

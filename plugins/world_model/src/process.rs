@@ -9,9 +9,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{
-    CLOCK_BEGINS_AGAIN_S, ClockWatch, Extrinsics, FrameWatch, Localizer, PosePorts, pose_message,
-};
+use rcs_sense::{ClockWatch, Extrinsics, FrameWatch, Localizer, PosePorts, pose_message};
 use rcs_world::{GridViewError, Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -314,11 +312,11 @@ impl WorldModel {
     fn begun_again(&mut self, sources: &[Source], time: Stamp) -> Result<Vec<Source>, String> {
         let (mut begun_again, mut late_s) = (Vec::new(), None);
         for contribution in self.contributions.iter_mut().filter(|entry| sources.contains(&entry.source)) {
-            let behind_s = contribution.newest.seconds_since(time);
-            if contribution.clock.begins_again(Some(contribution.newest), time) {
+            let newest = contribution.newest;
+            if contribution.clock.begins_again(Some(newest), time) {
                 begun_again.push(contribution.source);
-            } else if behind_s > CLOCK_BEGINS_AGAIN_S {
-                late_s = Some(behind_s);
+            } else if ClockWatch::is_far_behind(newest, time) {
+                late_s = Some(newest.seconds_since(time));
             }
         }
         match late_s {

@@ -498,18 +498,33 @@ fn one_pose_far_away_does_not_keep_the_map_from_being_saved() {
 }
 
 #[test]
-fn what_was_seen_before_the_local_frame_began_again_is_neither_saved_nor_where_the_map_is_remembered() {
-    let mut bench = start(&first_run());
-    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
-    assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
-    let before: MapMemory = bench.latest("/memory/memory");
-    look(&mut bench, DVec2::new(60.0, 0.0), 0.5, |_| 0, 20);
-    let (count, last) = bench.faults("memory");
-    let expected = "the pose in the local frame leapt by 60.0 m; what was seen before is not saved";
-    assert_eq!((count, last.as_str()), (1, expected));
-    assert_eq!(registered(&bench), None);
-    // Where this run's map lies is not known now, so that nothing replaces it.
-    assert_eq!(bench.latest::<MapMemory>("/memory/memory"), before);
+fn where_the_local_frame_begins_again_what_was_saved_stays_until_it_is_registered_anew() {
+    let origin = Utm::new(18, true, 300_000.0, 4_000_000.0).unwrap();
+    for memory in [String::new(), first_run()] {
+        let mut bench = start(&memory);
+        look(&mut bench, DVec2::ZERO, 12.0, ground_truth, 60);
+        let before: MapMemory = bench.latest("/memory/memory");
+        // The vehicle stands where it was.
+        let (here, now) = (DVec2::new(60.0, 0.0), Stamp(bench.now_ms * 1_000_000 + 1));
+        locate(&mut bench, now, DVec2::new(2.0, 3.0) - here);
+        look(&mut bench, here, 0.5, |_| 0, 30);
+        let fault = "the pose in the local frame leapt by 60.0 m; what was saved before is registered anew";
+        assert_eq!(bench.faults("memory"), (1, fault.to_owned()));
+        let waits = "waits: 0 obstacle cells can be compared with the remembered map, expected 40";
+        let stays = "what was saved before the local frame began again stays until it is registered";
+        assert_eq!(text(&bench), format!("{waits}; the map is not saved: {stays}"));
+        assert_eq!((registered(&bench), bench.latest::<MapMemory>("/memory/memory")), (None, before));
+        look(&mut bench, here + DVec2::new(4.0, -1.5), 2.5, |at| ground_truth(at - here), 60);
+        let text = text(&bench);
+        assert!(text.starts_with("remembers: moved by 0.") && !text.contains("not saved"), "{text}");
+        assert_eq!(cost_at(&bench, here + DVec2::new(7.4, -2.8)), 250, "remembered, and not sensed");
+        let saved: MapMemory = bench.latest("/memory/memory");
+        let saved = Rectangle::of_memory(&saved, &origin).unwrap();
+        assert_eq!(saved.at(DVec2::new(-4.0, 0.0) + DVec2::new(2.0, 3.0)), 0, "seen before alone");
+        // A route lies in the frame of the map that was given, and in no other.
+        let is_placed = registered(&bench).map(|at| at.distance(here - DVec2::new(2.0, 3.0)) < 0.6);
+        assert_eq!(is_placed, (!memory.is_empty()).then_some(true));
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@
 use super::Localization;
 use rcs_msg::Stamp;
 use rcs_runtime::Cycle;
-use rcs_sense::{CLOCK_BEGINS_AGAIN_S, ClockWatch};
+use rcs_sense::ClockWatch;
 use serde::{Deserialize, Serialize};
 
 /// Places of the sensors in lists of both.
@@ -24,7 +24,7 @@ pub(super) struct SensorClock {
 impl SensorClock {
     /// Takes the time of a reading, and that of the newest one that was used before.
     fn take(&mut self, newest: Option<Stamp>, time: Stamp) {
-        let is_behind = newest.is_some_and(|newest| newest.seconds_since(time) > CLOCK_BEGINS_AGAIN_S);
+        let is_behind = newest.is_some_and(|newest| ClockWatch::is_far_behind(newest, time));
         let begins_again = self.watch.begins_again(newest, time);
         self.has_begun_again = begins_again || (self.has_begun_again && is_behind);
     }

@@ -26,7 +26,7 @@ const SEARCH_TO_M: f64 = 10.0;
 
 impl WaypointGenerator {
     /// Reads the operator's missions, each of which may state goals, zones or both, and goes on to the next goal. Whether the
-    /// vehicle has arrived where it was told to drive.
+    /// vehicle has arrived where it was told to drive; not where another goal of the mission is stated from now on.
     pub(super) fn take_mission(
         &mut self,
         ports: &Ports,
@@ -54,9 +54,14 @@ impl WaypointGenerator {
         let is_there = |child: ChildReport| child.state == ChildState::Done && child.obeys_another.is_none();
         let arrived = cx.child(&ports.children.planner).is_some_and(is_there);
         let arrived = arrived && !self.is_led() && self.obeyed_goal().is_some();
-        if arrived && self.mission.arrive() {
+        if let Some(reached) = self.mission.goal().filter(|_| arrived)
+            && self.mission.arrive()
+        {
+            // Once the next goal is stated, the route to this one is not sent any more.
+            self.send_route(ports, params, reached, reached, arrived, cx);
             self.told = None;
             self.send_driven(ports, params, cx);
+            return false;
         }
         arrived
     }

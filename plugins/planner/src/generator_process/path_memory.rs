@@ -13,8 +13,8 @@ use rcs_sense::{Origin, fingerprint_of_texts};
 
 /// Time between two routes near the goal, s: at most a quarter of a metre.
 const ROUTE_PERIOD_S: f64 = 0.2;
-/// Distance from a goal, by the position estimate, at which its route replaces one that leads elsewhere, m: a course counts
-/// its goal as reached within 1.5 m, and the estimate is off by 1.3 m.
+/// Distance from a goal, by the position estimate, at which its route replaces one that leads elsewhere, m, also before the
+/// vehicle has arrived: a course counts its goal as reached within 1.5 m, and the estimate is off by 1.3 m.
 const REACHED_M: f64 = 3.0;
 
 /// Fingerprint of the route and the slips that the parameters give.
@@ -87,13 +87,14 @@ impl WaypointGenerator {
 
     /// Sends the route while the vehicle is near the goal (global frame, m): a run ends when the goal is reached, which this
     /// process may not live to see. What is remembered is one route: one to another goal than was stated stays until this
-    /// goal is reached.
+    /// goal is reached. `arrived`: whether the planner has arrived there, as its `goal_radius_m` says.
     pub(super) fn send_route(
         &mut self,
         ports: &Ports,
         params: &WaypointGeneratorParams,
         stated: DVec2,
         goal: DVec2,
+        arrived: bool,
         cx: &mut Cycle<'_>,
     ) {
         let now = cx.now();
@@ -103,7 +104,8 @@ impl WaypointGenerator {
             return;
         }
         let Ok(origin) = self.given.origin(params) else { return };
-        if stated.distance(at) > REACHED_M && self.remembers_another(params, &origin, stated) {
+        let is_reached = arrived || stated.distance(at) <= REACHED_M;
+        if !is_reached && self.remembers_another(params, &origin, stated) {
             return;
         }
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();

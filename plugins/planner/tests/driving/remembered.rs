@@ -3,7 +3,7 @@
 use super::goal::register;
 use super::slips::{first_run, nearest_m, sent};
 use super::{
-    FILES, cycle, drive, drive_ahead, free, global_at, path, place_local_frame, start, status, story,
+    FILES, cycle, drive, drive_ahead, free, global_at, path, place_local_frame, point, start, status, story,
 };
 use rcs_geom::DVec2;
 use rcs_msg::rcs;
@@ -20,6 +20,12 @@ fn say(bench: &mut Bench, command: &WaypointGeneratorCommand) {
     let serial = 100 + bench.now_ms;
     let command = rcs::Command { serial, name, parameters_schema, parameters, timestamp: None };
     bench.write("/generator/command", command);
+}
+
+/// Sends the vehicle to a place 3 m north of the origin.
+fn go_to(bench: &mut Bench, easting_m: f64) {
+    let goal = UtmGoal { zone: 18, easting_m, northing_m: 4_000_003.0 };
+    say(bench, &WaypointGeneratorCommand::GoTo(goal));
 }
 
 /// Sends the generator `INIT`, and then `RUN`.
@@ -51,10 +57,6 @@ fn ends_m(bench: &Bench) -> Option<(f64, f64)> {
 #[test]
 fn a_route_to_another_goal_stays_until_this_goal_is_reached() {
     // The remembered route leads to the goal of the file, 12 m east of the origin.
-    let go_to = |bench: &mut Bench, easting_m: f64| {
-        let goal = UtmGoal { zone: 18, easting_m, northing_m: 4_000_003.0 };
-        say(bench, &WaypointGeneratorCommand::GoTo(goal));
-    };
     let mut bench = start(&[FILES[0], FILES[1], ("generator.route", "r")]);
     go_to(&mut bench, 300_018.0);
     drive_on(&mut bench, 0.0, 12.5);
@@ -73,6 +75,36 @@ fn a_route_to_another_goal_stays_until_this_goal_is_reached() {
         drive_on(&mut bench, 0.0, 6.5);
         assert!(ends_m(&bench).is_some_and(|(_, end_m)| end_m > 8.0), "3.5 m before the goal");
     }
+}
+
+#[test]
+fn a_goal_that_counts_as_reached_from_more_than_3_m_away_is_reached_for_the_route_too() {
+    let files = [FILES[0], FILES[1], ("generator.route", "r"), ("planner.goal_radius_m", "4")];
+    let arrive = |bench: &mut Bench, from_m: f64| {
+        drive_on(bench, from_m, from_m + 0.5);
+        cycle(bench, from_m + 0.5, 0.0, free, 6);
+    };
+    let mut bench = start(&files);
+    go_to(&mut bench, 300_017.0);
+    drive_on(&mut bench, 0.0, 10.5);
+    assert_eq!(ends_m(&bench), None, "4.5 m before the goal: {}", story(&bench));
+    arrive(&mut bench, 11.0);
+    assert!(ends_m(&bench).is_some_and(|(_, end_m)| end_m < 14.0), "{}", story(&bench));
+
+    // The same place, and another one, as goals of a mission: the route to each stays until the next one is reached.
+    let mut bench = start(&files);
+    let goals = vec![point(15.0, 0.0), point(20.5, 0.0)];
+    let frame_id = "local".to_owned();
+    bench.write("/operator/mission", rcs::Mission { frame_id, goals, ..rcs::Mission::default() });
+    drive_on(&mut bench, 0.0, 10.5);
+    assert_eq!(ends_m(&bench), None, "4.5 m before the goal: {}", story(&bench));
+    arrive(&mut bench, 11.0);
+    let first = ends_m(&bench);
+    assert!(first.is_some_and(|(_, end_m)| end_m < 14.0), "{}", story(&bench));
+    drive_on(&mut bench, 12.0, 16.0);
+    assert_eq!(ends_m(&bench), first, "4.5 m before the second goal: {}", story(&bench));
+    arrive(&mut bench, 16.5);
+    assert!(ends_m(&bench).is_some_and(|(_, end_m)| end_m > 18.0), "{}", story(&bench));
 }
 
 #[test]

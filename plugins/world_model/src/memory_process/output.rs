@@ -44,7 +44,8 @@ impl MapMemoryKeeper {
         }
     }
 
-    /// The frame of the remembered map in the local one; no transform while it is not believed.
+    /// The frame of the remembered map in the local one; no transform while it is not believed. A route of an earlier run is
+    /// placed by it: there is none either for a map of this run that lies in a frame of its own.
     pub(super) fn registration(&self, params: &MapMemoryParams, now: Stamp) -> FrameTransforms {
         let transform = |placed: Placed| {
             let Pose { translation: shift, rotation: q } = placed.local_from_remembered();
@@ -56,7 +57,8 @@ impl MapMemoryKeeper {
                 rotation: Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),
             }
         };
-        FrameTransforms { transforms: self.placed.map(transform).into_iter().collect() }
+        let placed = self.placed.filter(|_| self.own.as_ref().is_none_or(|own| own.is_in_given_frame));
+        FrameTransforms { transforms: placed.map(transform).into_iter().collect() }
     }
 
     /// Takes back what was stated.
@@ -123,7 +125,8 @@ impl MapMemoryKeeper {
 
     /// The map to save: what the vehicle has come near to, the newest last, and what it remembers. Until it is decided
     /// whether the remembered map fits, that is the remembered one as it was: it would be lost with a run that ends before,
-    /// and where what is sensed lies in it is not known. One that the next run would refuse is an error.
+    /// and where what is sensed lies in it is not known. What this run has saved itself stays until then: that is an error,
+    /// and so is a map that the next run would refuse.
     fn gather(
         &mut self,
         params: &MapMemoryParams,
@@ -134,19 +137,25 @@ impl MapMemoryKeeper {
         self.kept.take(sensed, &self.track, params.near_m)?;
         let old = self.remembered.map.as_ref().and_then(|map| map.as_ref().ok());
         if old.is_some() && self.is_undecided() {
-            // What this run has saved is newer than what it was given.
-            return if self.has_saved { Ok(None) } else { parse(&params.memory) };
+            return match (&self.own, self.saved_in) {
+                (Some(_), _) => Err(MemoryError::Unregistered),
+                // What this run has saved is newer than what it was given.
+                (None, Some(_)) => Ok(None),
+                (None, None) => parse(&params.memory),
+            };
         }
         let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
         let Some(saved) = self.kept.saved(old, now.global_from_local)? else { return Ok(None) };
         let saved = saved.to_memory(&origin.0);
         check(&saved)?;
-        self.has_saved = true;
+        self.saved_in = Some(*now.global_from_local);
         Ok(Some(saved))
     }
 
-    /// Whether a remembered map has neither been believed nor rejected.
-    fn is_undecided(&self) -> bool {
-        self.settled.is_none() && self.dropped.is_none() && self.misfits < IN_TURN
+    /// Whether a remembered map has neither been believed nor rejected. That of this run is not rejected because it does not
+    /// fit: what was saved of it would be lost.
+    pub(super) fn is_undecided(&self) -> bool {
+        let may_fit = self.misfits < IN_TURN || self.own.is_some();
+        self.settled.is_none() && self.dropped.is_none() && may_fit
     }
 }

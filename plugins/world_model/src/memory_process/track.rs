@@ -30,9 +30,12 @@ impl MapMemoryKeeper {
             is_new = true;
             let Ok(position) = position_of(&odometry, &params.local_frame) else { continue };
             if let Some(leap_m) = self.follow(position, odometry.header().log_time, cx.now()) {
-                cx.fault(format!(
-                    "the pose in the local frame leapt by {leap_m:.1} m; what was seen before is not saved"
-                ));
+                let before = if self.own.is_some() {
+                    "what was saved before is registered anew"
+                } else {
+                    "what was seen before is not saved"
+                };
+                cx.fault(format!("the pose in the local frame leapt by {leap_m:.1} m; {before}"));
             }
         }
         let position = position_of(&*cx.latest(&ports.odometry)?, &params.local_frame);
@@ -77,8 +80,10 @@ impl MapMemoryKeeper {
         }
     }
 
-    /// Forgets what would be saved, and where the remembered map lies. Maps that came before are not used.
+    /// Forgets what lies at places of the local frame before, and where the remembered map lies in it. What was saved of both
+    /// is remembered. Maps that came before are not used.
     fn forget_places(&mut self, now: Stamp) {
+        self.remember_own();
         self.cleared = Some(now);
         self.kept = Kept::default();
         self.track.clear();
