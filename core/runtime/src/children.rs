@@ -5,7 +5,7 @@
 //! status echoes the serial of the last command, so that an old `DONE` is never taken for a new one, and it is silent
 //! if there was no status for several of its periods.
 
-use crate::command::{CommandDef, NoCommands};
+use crate::command::{BUILT_IN, CommandDef, NoCommands};
 use rcs_msg::{Stamp, rcs};
 use serde::{Deserialize, Serialize};
 use std::marker::PhantomData;
@@ -111,6 +111,8 @@ pub struct ChildReport {
     /// Whether the last command of this supervisor has arrived, and the child obeys another one: it refused that
     /// command because the operator had the authority, or the operator has commanded it since.
     pub is_overruled: bool,
+    /// Whether it runs, and the last command that it accepted is one of its own, which `RUN` would end.
+    pub runs_by_own_command: bool,
 }
 
 impl ChildReport {
@@ -170,6 +172,13 @@ pub(crate) struct ChildLinksState {
     pub(crate) sent: Vec<u64>,
     /// Time of the first cycle, from which on a child without any status counts as silent.
     pub(crate) since: Option<Stamp>,
+}
+
+/// Whether a child runs by a command of its own: it accepts such a command only while it runs. One in `ERROR` may have
+/// refused it.
+pub(crate) fn runs_by_own_command(status: &rcs::Status) -> bool {
+    let is_built_in = BUILT_IN.iter().any(|known| known.name == status.command);
+    !status.command.is_empty() && !is_built_in && status.state() != rcs::ProcessState::Error
 }
 
 /// A child is silent after this many of its periods, and at least after this time.
@@ -330,6 +339,7 @@ mod tests {
                 obeys_another: None,
                 obeys_last: true,
                 is_overruled: false,
+                runs_by_own_command: false,
             };
             report.failure()
         };

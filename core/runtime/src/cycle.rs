@@ -1,6 +1,6 @@
 //! The context of one cycle of a process.
 
-use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children, Owner};
+use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children, Owner, runs_by_own_command};
 use crate::command::{CommandSet, Obeys, Order};
 use crate::pool::Pool;
 use crate::ports::{In, Out};
@@ -265,6 +265,7 @@ impl Cycle<'_> {
                 .map(|status| status.commander.clone()),
             obeys_last: status.is_some_and(|status| self.child_links.obeys_last(status, sent)),
             is_overruled: status.is_some_and(|status| self.child_links.is_overruled(status, sent)),
+            runs_by_own_command: status.is_some_and(runs_by_own_command),
         })
     }
 

@@ -86,16 +86,24 @@ impl Children {
     pub(crate) fn tell(&self, is_led: bool, note: &str, cx: &mut Cycle<'_>) {
         let (planner, follower) = (cx.child(&self.planner), cx.child(&self.follower));
         let failed = [&planner, &follower].into_iter().flatten().find_map(ChildReport::failure);
-        let far = cx.child(&self.far_planner).and_then(|report| report.failure());
+        let far = cx.child(&self.far_planner).and_then(|report| report.failure().or_else(|| taken(&report)));
         let note = far.map_or(note.to_owned(), |why| format!("{note}; {why}"));
+        let follower = follower.as_ref().and_then(taken);
         match (failed, planner) {
             (Some(why), _) => cx.error(format!("{why}{note}")),
-            (None, Some(ChildReport { name, obeys_another: Some(another), .. })) => {
-                cx.exec(format!("{name} obeys {another}{note}"));
-            }
-            (None, Some(planner)) if planner.state == ChildState::Done && !is_led => cx.done("at the goal"),
-            (None, Some(planner)) => cx.exec(format!("{}{note}", planner.text)),
             (None, None) => cx.error("there is no planner"),
+            (None, Some(planner)) => match taken(&planner) {
+                None if planner.state == ChildState::Done && !is_led => cx.done("at the goal"),
+                planner_taken => {
+                    let text = planner_taken.or(follower).unwrap_or(planner.text);
+                    cx.exec(format!("{text}{note}"));
+                }
+            },
         }
     }
+}
+
+/// What is told of a child that obeys the operator instead of the generator.
+fn taken(report: &ChildReport) -> Option<String> {
+    report.obeys_another.as_ref().map(|another| format!("{} obeys {another}", report.name))
 }

@@ -393,6 +393,7 @@ impl WaypointFollower {
             _ => turning,
         };
         let style = Style::new(params, mode);
+        let style = cx.latest(&ports.vehicle).map_or(style, |vehicle| style.within(&vehicle));
         let obstacles = mode.map_or(Obstacles::Map, |mode| mode.obstacles);
         let Some(costs) = self.memory.costs.of(obstacles) else { return };
         let before_per_m = self.before_per_m;

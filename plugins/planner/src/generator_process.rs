@@ -54,6 +54,8 @@ rcs_runtime::commands! {
 /// State: the goal, the frames, and what the planner was told.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct WaypointGenerator {
+    /// Whether the children have not been sent an `INIT` that this process has received.
+    initializes: bool,
     frames: Localizer,
     /// The newest pose of the local frame in the global one.
     global_from_local: Option<(Pose, Stamp)>,
@@ -244,6 +246,7 @@ impl Process for WaypointGenerator {
     /// begin anew.
     fn renew(&self, _params: &WaypointGeneratorParams) -> Self {
         let mut renewed = Self {
+            initializes: true,
             commanded: self.commanded,
             mission: self.mission.clone(),
             sent: self.sent,
@@ -264,11 +267,13 @@ impl Process for WaypointGenerator {
     }
 
     fn init(&mut self, ports: &Ports, _params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        ports.children.pass_on(&Order::Init, &Order::Init, cx.is_new_command(), cx);
+        self.catch_up(ports, cx);
+        ports.children.pass_on(&Order::Init, &Order::Init, false, cx);
         ports.children.await_all("initialized", cx);
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        self.catch_up(ports, cx);
         let own = std::iter::from_fn(|| cx.next_command::<Self>());
         let commands: Vec<WaypointGeneratorCommand> = own.collect();
         // What it remembers changes nothing for its children, and lets no vehicle drive on that stands.
@@ -358,6 +363,7 @@ impl Process for WaypointGenerator {
     }
 
     fn halt(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        self.catch_up(ports, cx);
         ports.children.pass_on(&Order::Halt, &Order::Halt, cx.is_new_command(), cx);
         if cx.is_new_command() {
             self.told = None;
@@ -375,6 +381,13 @@ impl WaypointGeneratorCommand {
 }
 
 impl WaypointGenerator {
+    /// Sends the children the `INIT` after which another command may have come within the same period.
+    fn catch_up(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
+        if std::mem::take(&mut self.initializes) {
+            ports.children.pass_on(&Order::Init, &Order::Init, true, cx);
+        }
+    }
+
     /// Tells the planners the goal when it has moved in the local frame, and that of the near map what lies ahead.
     fn command(
         &mut self,

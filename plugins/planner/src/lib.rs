@@ -29,7 +29,8 @@
 //! The status is `ERROR` with the reason, and the path sent has no poses, so that the vehicle stops: no pose or one that
 //! is too old, a map that is too old, cannot be used or knows nothing around the vehicle, a goal inside of an obstacle, no way, or none but through zones. It plans again as soon as
 //! the reason is gone. If the goal's cell is blocked, it plans to the nearest free one within `approach_m`, and says so;
-//! arrived there, it is in `ERROR` if the goal is still blocked and farther away than `goal_radius_m`. A goal outside of the map is planned to over the edge that suits, with all cells outside taken for unknown.
+//! arrived there, it is in `ERROR` if the goal is still blocked and farther away than `goal_radius_m`.
+//! A point of a longer path counts as reached within 0.3 m at most. A goal outside of the map is planned to over the edge that suits, with all cells outside taken for unknown.
 //!
 //! # `waypoint_generator`
 //!
@@ -92,8 +93,8 @@
 //! | `modes` | out | `rcs.ModeEvent` | each change of mode, with its reason |
 //!
 //! Period 50 ms; `drive` every cycle. It drives to the first major turning point of the waypoints ([`waypoints`]) on the
-//! best of a list of arcs ([`arcs`]). It stands, and says so, without a recent path, map or pose, and where no arc is
-//! free. The papers' custom behaviors are a table in a file ([`modes`]); without a file there are none. State: the
+//! best of a list of arcs ([`arcs`]), no faster than the limits that `vehicle` states. It stands, and says so, without a
+//! recent path, map or pose, and where no arc is free. The papers' custom behaviors are a table in a file ([`modes`]); without a file there are none. State: the
 //! waypoints, the goal, the poses of the last seconds, the last arc, the active mode.
 //!
 //! # Where to begin

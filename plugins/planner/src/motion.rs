@@ -8,7 +8,7 @@ use crate::settings::rules_of;
 use rand_core::RngCore;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::rcs::{ScoredArc, scored_arc};
+use rcs_msg::rcs::{ScoredArc, VehicleStatus, scored_arc};
 use rcs_sense::pose_message;
 
 /// How fast the vehicle is driven: the parameters, changed by the mode.
@@ -49,6 +49,22 @@ impl Style {
                 .table
                 .first()
                 .map_or(0.0, |&(_, cost)| f64::from(cost) / f64::from(MAX_COST)),
+        }
+    }
+
+    /// The same within the limits that the vehicle states: it refuses commands beyond them.
+    pub(crate) fn within(self, vehicle: &VehicleStatus) -> Style {
+        // 0 where the vehicle states no limit.
+        let least = |limit: f64, stated: f64| if stated > 0.0 { limit.min(stated) } else { limit };
+        let speed_mps = |limit_mps: f64| least(limit_mps, vehicle.max_speed_mps);
+        let yaw_rate_radps = |limit_radps: f64| least(limit_radps, vehicle.max_yaw_rate_radps);
+        Style {
+            max_speed_mps: speed_mps(self.max_speed_mps),
+            min_speed_mps: speed_mps(self.min_speed_mps),
+            backward_speed_mps: speed_mps(self.backward_speed_mps),
+            max_yaw_rate_radps: yaw_rate_radps(self.max_yaw_rate_radps),
+            mode_yaw_rate_radps: yaw_rate_radps(self.mode_yaw_rate_radps),
+            ..self
         }
     }
 
@@ -103,7 +119,9 @@ pub(crate) fn reversed(
     let speed_mps = back_mps(scored[at].free_m);
     let bend = scored[at].arc.curvature_per_m;
     if bend != 0.0 {
-        return (Some(at), [speed_mps, bend * speed_mps]);
+        let turn = style.max_yaw_rate_radps;
+        let speed_mps = speed_mps.max(-turn / bend.abs());
+        return (Some(at), [speed_mps, (bend * speed_mps).clamp(-turn, turn)]);
     }
     // A turn leads the tail aside, between the straight arc and a bent one: both have to be free.
     let wanted_radps = side * style.mode_yaw_rate_radps;
@@ -315,6 +333,7 @@ mod tests {
         let params = WaypointFollowerParams {
             max_speed_mps: 1.1,
             backward_speed_mps: 0.5,
+            max_yaw_rate_radps: 1.2,
             braking_mps2: 0.5,
             stop_margin_m: 0.3,
             ..WaypointFollowerParams::default()
@@ -329,10 +348,33 @@ mod tests {
     }
 
     #[test]
+    fn a_bend_back_is_driven_within_the_limits_that_the_vehicle_states() {
+        let params = WaypointFollowerParams {
+            max_speed_mps: 1.1,
+            backward_speed_mps: 0.5,
+            max_yaw_rate_radps: 1.2,
+            braking_mps2: 0.5,
+            ..WaypointFollowerParams::default()
+        };
+        let style = Style::new(&params, None);
+        let back = |max_speed_mps: f64, max_yaw_rate_radps: f64| {
+            let vehicle = VehicleStatus { max_speed_mps, max_yaw_rate_radps, ..VehicleStatus::default() };
+            let arc = Arc { motion: Motion::Backward, curvature_per_m: 0.8 };
+            let scored = Scored { arc, free_m: 1.0, mean_cost: 0.0, terms: [0.0; 6], open: true };
+            reversed(&[scored], &style.within(&vehicle), 0, || false).1
+        };
+        assert_eq!(back(0.4, 0.2), [-0.25, -0.2]);
+        assert_eq!(back(0.25, 1.2), [-0.25, -0.2]);
+        assert_eq!(back(1.1, 1.2), [-0.5, -0.4]);
+        assert_eq!(style.within(&VehicleStatus::default()), style, "it states no limits");
+    }
+
+    #[test]
     fn the_action_reverse_turns_only_where_an_arc_to_that_side_is_free() {
         let params = WaypointFollowerParams {
             max_speed_mps: 1.1,
             backward_speed_mps: 0.3,
+            max_yaw_rate_radps: 1.2,
             braking_mps2: 0.5,
             stop_margin_m: 0.3,
             ..WaypointFollowerParams::default()

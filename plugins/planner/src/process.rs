@@ -22,6 +22,9 @@ const KNOWN_WITHIN_M: f64 = 3.0;
 /// Distance from the end of a path beside a blocked goal, m, within which the vehicle stands after this time, s.
 const BESIDE_M: f64 = 1.0;
 const BESIDE_S: f64 = 4.0;
+/// A point of a longer path counts as reached within this distance at most, m: the vehicle is to drive past it, and not
+/// to stop metres before it, however large the goal is.
+const PASSED_M: f64 = 0.3;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 1.0;
 const MOST_TRACK: usize = 300;
@@ -194,8 +197,8 @@ impl Process for AStarPlanner {
                 cx,
             );
         }
-        let at_goal = vehicle.translation.truncate().distance(DVec2::from(goal)) <= params.goal_radius_m;
-        if at_goal {
+        let goal_m = vehicle.translation.truncate().distance(DVec2::from(goal));
+        if goal_m <= self.goal_radius_m(params) {
             self.planned = None;
             self.send_none(ports, params, PlanState::PlanAtGoal, "the vehicle is at the goal", cx);
             cx.done("at the goal");
@@ -226,6 +229,11 @@ impl Process for AStarPlanner {
 }
 
 impl AStarPlanner {
+    /// The distance at which what is planned to counts as reached, m.
+    fn goal_radius_m(&self, params: &PlannerParams) -> f64 {
+        if self.is_passed { params.goal_radius_m.min(PASSED_M) } else { params.goal_radius_m }
+    }
+
     /// What was planned and driven lies elsewhere now. The goal stays: who knows where it is tells it again.
     fn forget_driven(&mut self, why: &str, cx: &mut Cycle<'_>) {
         self.previous.clear();
@@ -264,7 +272,7 @@ impl AStarPlanner {
             sensed: &self.memory.reader.sensed,
             vehicle,
             goal,
-            approach_m: params.approach_m.max(params.goal_radius_m),
+            approach_m: params.approach_m.max(self.goal_radius_m(params)),
             is_passed: self.is_passed,
             past: Past {
                 route: &route,
@@ -312,7 +320,8 @@ impl AStarPlanner {
         now: Stamp,
     ) -> bool {
         let position = vehicle.translation.truncate();
-        let beside = plan.filter(|plan| plan.short_of_goal_m > params.goal_radius_m);
+        let radius_m = self.goal_radius_m(params);
+        let beside = plan.filter(|plan| plan.short_of_goal_m > radius_m);
         let end = beside.and_then(|plan| plan.chosen.steps.last());
         let end_m = end.map_or(f64::INFINITY, |step| step.at.distance(position));
         if end_m > BESIDE_M {
@@ -320,7 +329,7 @@ impl AStarPlanner {
             return false;
         }
         let since = *self.beside.get_or_insert(now);
-        end_m <= params.goal_radius_m || now.seconds_since(since) >= BESIDE_S
+        end_m <= radius_m || now.seconds_since(since) >= BESIDE_S
     }
 
     /// Adds the vehicle's position to the track.
@@ -343,8 +352,9 @@ impl AStarPlanner {
         let mut points: Vec<DVec2> = chosen.steps.iter().map(|step| step.at).collect();
         // On coarse cells, the goal may not be reached in the middle of its cell.
         let sensed = &self.memory.reader.sensed;
+        let radius_m = self.goal_radius_m(params);
         let ends_beside = points.last().is_some_and(|&end| {
-            sensed.place(end) == sensed.place(goal) && end.distance(goal) > params.goal_radius_m
+            sensed.place(end) == sensed.place(goal) && end.distance(goal) > radius_m
         });
         if ends_beside {
             points.push(goal);

@@ -36,11 +36,12 @@
 //! interface after a failure. Until then, the status of the supervisor says that it cannot stop the vehicle; it says
 //! that it has stopped the vehicle when the vehicle interface has accepted `HALT`. When the operator's authority has
 //! lapsed instead, `HALT` is sent again, but not `RUN`: what the operator halted stays halted until it is commanded
-//! again.
+//! again. Nor is `RUN` sent again to a child that runs by a command of its own: a limit of the speed that the operator
+//! has given outlasts `RELEASE`.
 //!
 //! # Where to begin
 //!
-//! `tests/groups.rs` runs groups of children that obey, brake and fail. In a stack, children name the supervisor as
+//! `tests/groups/main.rs` runs groups of children that obey, brake and fail. In a stack, children name the supervisor as
 //! their parent; `assets/stacks/simulation.toml` has one.
 //!
 //! ```

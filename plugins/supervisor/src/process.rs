@@ -182,7 +182,8 @@ fn order_others(ports: &Ports, order: &Order<NoCommands>, is_new: bool, cx: &mut
 }
 
 /// Sends an order to a child: in the cycle in which the supervisor received it, and later when the operator no longer has
-/// a child that does not obey it. Returns whether it was sent.
+/// a child that does not obey it. `RUN` is not sent again to one that runs by a command of its own: it would end that
+/// command, such as a limit of the speed. Returns whether it was sent.
 fn order_child(
     child: &Child<NoCommands>,
     order: &Order<NoCommands>,
@@ -190,7 +191,10 @@ fn order_child(
     cx: &mut Cycle<'_>,
 ) -> bool {
     let is_halt = matches!(order, Order::Halt);
-    let again = |report: ChildReport| report.is_ordered_again(is_halt);
+    let is_run = matches!(order, Order::Run);
+    let again = |report: ChildReport| {
+        report.is_ordered_again(is_halt) && !(is_run && report.runs_by_own_command)
+    };
     (is_new || cx.child(child).is_some_and(again)) && cx.send(child, order.clone())
 }
 

@@ -104,6 +104,19 @@ fn a_goal_that_lies_just_beyond_the_point_to_which_a_far_planner_has_led_is_driv
     assert!(drive(&bench).0 > 0.1, "{}", story(&bench));
 }
 
+#[test]
+fn however_far_from_the_goal_the_vehicle_may_stop_it_drives_on_where_a_far_planner_leads() {
+    let mut bench = start(&[FILES[0], FILES[1], ("planner.goal_radius_m", "6")]);
+    bench.write("/operator/global", global_at(2.0));
+    lead(&mut bench, 10.0);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!((path(&bench).last().unwrap().x - 5.0).abs() < 0.3, "{}", story(&bench));
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    bench.write("/operator/global", global_at(7.5));
+    cycle(&mut bench, 5.5, 0.0, free, 6);
+    assert_eq!(status(&bench, "generator"), (ProcessState::Done, "at the goal".to_owned()));
+}
+
 /// A far planner leads from the start straight to a place east of it, m.
 pub(super) fn lead(bench: &mut Bench, to_m: f64) {
     let count = (to_m / 0.2).round() as u32;

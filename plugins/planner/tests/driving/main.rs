@@ -5,6 +5,7 @@
 mod goal;
 mod missions;
 mod modes;
+mod orders;
 mod remembered;
 mod slips;
 mod stands;
@@ -479,20 +480,6 @@ fn before_its_sensors_have_sent_anything_it_stands() {
         cycle(&mut bench, 0.0, 0.0, free, 6);
         assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
     }
-}
-
-#[test]
-fn a_planner_that_the_operator_has_halted_has_not_arrived() {
-    let mut bench = start(&FILES[..2]);
-    let goals = vec![point(4.0, 0.0), point(8.0, 4.0)];
-    bench.write("/operator/mission", Mission { frame_id: "local".to_owned(), goals, ..Mission::default() });
-    cycle(&mut bench, 0.0, 0.0, free, 12);
-    let halt = rcs::Command { serial: 100, name: "HALT".to_owned(), ..rcs::Command::default() };
-    bench.write("/planner/command", halt);
-    cycle(&mut bench, 0.0, 0.0, free, 12);
-    assert_eq!(bench.latest::<Mission>("/generator/driven").reached, 0);
-    let (state, text) = status(&bench, "generator");
-    assert!(state == ProcessState::Exec && text.starts_with("planner obeys "), "{text}");
 }
 
 #[test]

@@ -323,6 +323,28 @@ fn while_the_vehicle_is_held_it_is_not_stuck_and_an_emergency_stop_ends_a_mode()
 }
 
 #[test]
+fn a_vehicle_that_stands_because_a_command_was_refused_is_not_stuck() {
+    let mut bench = start(&FILES);
+    let stop_reason = rcs_sense::stop_reason::REFUSED.to_owned();
+    let refuses = rcs::VehicleStatus { stopped: true, stop_reason, ..Default::default() };
+    bench.write("/operator/vehicle", refuses);
+    cycle(&mut bench, 0.0, 0.0, free, 200);
+    assert_eq!(bench.sent("/follower/modes"), 0, "{:?}; {}", mode(&bench), story(&bench));
+}
+
+#[test]
+fn it_commands_no_more_than_the_limits_that_the_vehicle_states() {
+    let mut bench = start(&FILES);
+    let limits = rcs::VehicleStatus { max_speed_mps: 0.8, max_yaw_rate_radps: 0.3, ..Default::default() };
+    bench.write("/operator/vehicle", limits);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!((0.5..=0.8).contains(&drive(&bench).0), "{}", story(&bench));
+    // The goal lies behind it.
+    cycle(&mut bench, 0.0, 3.0, free, 6);
+    assert!((0.1..=0.3).contains(&drive(&bench).1.abs()), "{}", story(&bench));
+}
+
+#[test]
 fn while_the_operator_drives_by_hand_it_is_not_stuck_and_goes_on_afterwards() {
     let mut bench = start(&FILES);
     let teleoperate = |bench: &mut Bench, teleoperated: bool| {

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod authority;
+
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::source::Task;
 use rcs_runtime::{
@@ -12,6 +14,13 @@ use rcs_supervisor::Supervisor;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+rcs_runtime::commands! {
+    /// Commands of [`Wheels`].
+    enum WheelsCommand {
+        Creep = "CREEP": "Drive slowly until RUN.",
+    }
+}
+
 /// Brakes for half a second when halted.
 #[derive(Clone, Serialize, Deserialize)]
 struct Wheels {
@@ -21,7 +30,7 @@ struct Wheels {
 impl Process for Wheels {
     type Params = rcs::NoParams;
     type Ports = ();
-    type Command = NoCommands;
+    type Command = WheelsCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "wheels",
         summary: "Drives.",
@@ -38,7 +47,7 @@ impl Process for Wheels {
 
     fn cycle(&mut self, (): &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
         self.braking = 0;
-        cx.exec("drives");
+        cx.exec(if cx.command::<Self>().is_some() { "creeps" } else { "drives" });
     }
 
     fn halt(&mut self, (): &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
@@ -349,91 +358,6 @@ fn init_and_run_within_a_period_both_go_down() {
 }
 
 #[test]
-fn what_the_operator_halted_stays_halted_until_it_is_given_back() {
-    let mut bench = Bench::new();
-    bench.say("wheels", "HALT");
-    bench.forward(800);
-    bench.expect("wheels", Done, "stands");
-    bench.expect("robot", Exec, "runs; wheels obeys operator");
-    bench.say("robot", "RUN");
-    bench.forward(2000);
-    bench.expect("wheels", Done, "stands");
-    assert_eq!(bench.status("wheels").owner, "", "the operator's authority has lapsed");
-    bench.say("wheels", "TAKE");
-    bench.forward(100);
-    bench.say("wheels", "RELEASE");
-    bench.forward(200);
-    bench.expect("wheels", Exec, "drives");
-    assert_eq!(bench.status("wheels").commander, "robot");
-}
-
-#[test]
-fn a_vehicle_interface_that_the_operator_has_taken_is_stopped_when_it_is_given_back() {
-    let why = "perception is in ERROR: camera is in ERROR: blind";
-    let cannot = format!("cannot stop the vehicle, because the operator has taken wheels: {why}");
-    let has = format!("has stopped the vehicle: {why}");
-    for command in ["TAKE", "RUN"] {
-        let mut bench = Bench::new();
-        bench.say("wheels", command);
-        bench.forward(100);
-        bench.fate("camera", "blind");
-        bench.forward(200);
-        bench.expect("wheels", Exec, "drives");
-        bench.expect("robot", Error, &cannot);
-        bench.say("wheels", "RELEASE");
-        bench.forward(200);
-        bench.expect("wheels", Exec, "brakes");
-        bench.expect("robot", Error, &has);
-        bench.forward(600);
-        bench.expect("wheels", Done, "stands");
-
-        // What the operator has moved since is stopped again.
-        bench.say("wheels", "RUN");
-        bench.forward(100);
-        bench.expect("wheels", Exec, "drives");
-        bench.expect("robot", Error, &cannot);
-        bench.say("wheels", "RELEASE");
-        bench.forward(800);
-        bench.expect("wheels", Done, "stands");
-        bench.expect("robot", Error, &has);
-    }
-}
-
-#[test]
-fn a_vehicle_interface_that_the_operator_has_taken_is_stopped_when_the_authority_has_lapsed() {
-    let why = "perception is in ERROR: camera is in ERROR: blind";
-    for command in ["TAKE", "RUN"] {
-        let mut bench = Bench::new();
-        bench.say("wheels", command);
-        bench.forward(100);
-        bench.fate("camera", "blind");
-        bench.forward(800);
-        bench.expect("wheels", Exec, "drives");
-        let cannot = format!("cannot stop the vehicle, because the operator has taken wheels: {why}");
-        bench.expect("robot", Error, &cannot);
-        bench.forward(2200);
-        bench.expect("wheels", Done, "stands");
-        assert_eq!(bench.status("wheels").commander, "robot");
-        bench.expect("robot", Error, &format!("has stopped the vehicle: {why}"));
-
-        // The operator who keeps it drives on.
-        bench.hold("wheels", 500);
-        bench.say("wheels", "RUN");
-        bench.hold("wheels", 3500);
-        bench.expect("wheels", Exec, "drives");
-    }
-    // The same for HALT.
-    let mut bench = Bench::new();
-    bench.say("wheels", "TAKE");
-    bench.forward(100);
-    bench.say("robot", "HALT");
-    bench.forward(500);
-    bench.expect("wheels", Exec, "drives");
-    bench.forward(2500);
-    bench.expect("wheels", Done, "stands");
-}
-
-#[test]
 fn the_vehicle_is_not_called_stopped_before_its_interface_has_accepted_halt() {
     let mut bench = Bench::new();
     bench.fate("camera", "blind");
@@ -451,77 +375,6 @@ fn the_vehicle_is_not_called_stopped_before_its_interface_has_accepted_halt() {
     let why = "perception is in ERROR: camera is in ERROR: blind";
     let stop = [format!("stops the vehicle: {why}"), format!("has stopped the vehicle: {why}")];
     assert_eq!(texts, ["all children run".to_owned()].into_iter().chain(stop).collect::<Vec<_>>());
-}
-
-#[test]
-fn an_order_that_is_refused_while_the_operator_has_a_child_is_sent_when_it_is_given_back() {
-    let mut bench = Bench::new();
-    bench.say("robot", "HALT");
-    bench.forward(1000);
-    bench.expect("robot", Done, "all children are halted");
-    bench.say("wheels", "TAKE");
-    bench.forward(100);
-    bench.say("robot", "RUN");
-    bench.forward(200);
-    bench.expect("robot", Exec, "runs; the operator has taken wheels");
-    bench.expect("wheels", Done, "stands");
-    bench.say("wheels", "RELEASE");
-    bench.forward(200);
-    bench.expect("robot", Exec, "all children run");
-    bench.expect("wheels", Exec, "drives");
-}
-
-#[test]
-fn halt_names_a_child_that_obeys_the_operator_and_halts_it_when_it_is_given_back() {
-    let mut bench = Bench::new();
-    bench.say("lamp", "RUN");
-    bench.say("robot", "HALT");
-    bench.hold("lamp", 1500);
-    bench.expect("lamp", Exec, "works");
-    bench.expect("robot", Done, "all other children are halted; lamp obeys operator");
-    bench.say("lamp", "RELEASE");
-    bench.forward(200);
-    bench.expect("lamp", Done, "halted");
-    bench.expect("robot", Done, "all children are halted");
-}
-
-#[test]
-fn halt_stands_a_vehicle_interface_that_the_operator_gives_back_after_the_timeout() {
-    let mut bench = Bench::new();
-    bench.say("wheels", "RUN");
-    bench.say("robot", "HALT");
-    bench.hold("wheels", 1000);
-    bench.expect("wheels", Exec, "drives");
-    bench.expect("robot", Exec, "waits for the vehicle to stand; wheels obeys operator");
-    bench.expect("camera", Exec, "works");
-    bench.hold("wheels", 2500);
-    bench.expect("wheels", Exec, "drives");
-    bench.expect("robot", Done, "all other children are halted; wheels obeys operator");
-    bench.say("wheels", "RELEASE");
-    bench.forward(200);
-    bench.expect("wheels", Exec, "brakes");
-    bench.expect("robot", Exec, "waits for wheels");
-    bench.forward(600);
-    bench.expect("wheels", Done, "stands");
-    bench.expect("robot", Done, "all children are halted");
-}
-
-#[test]
-fn the_timeout_of_halt_begins_again_when_a_vehicle_interface_is_given_back() {
-    let mut bench = Bench::new();
-    bench.say("robot", "HALT");
-    bench.hold("wheels", 2500);
-    bench.expect("wheels", Exec, "drives");
-    bench.expect("robot", Exec, "waits for the vehicle to stand; the operator has taken wheels");
-    bench.forward(200);
-    bench.say("wheels", "RELEASE");
-    bench.forward(450);
-    bench.expect("wheels", Exec, "brakes");
-    bench.expect("robot", Exec, "waits for the vehicle to stand");
-    bench.expect("camera", Exec, "works");
-    bench.forward(1000);
-    bench.expect("wheels", Done, "stands");
-    bench.expect("robot", Done, "all children are halted");
 }
 
 #[test]
