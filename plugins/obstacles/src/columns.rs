@@ -335,9 +335,9 @@ impl Strip {
         }
     }
 
-    /// Changes the label of the pixels of positive obstacles whose cell satisfies `is_free` to too far to tell.
-    pub fn doubt(&mut self, is_free: impl Fn([i32; 2]) -> bool) {
-        for pixel in self.obstacles.iter().filter(|pixel| is_free(pixel.cell)) {
+    /// Changes the label of the pixels of positive obstacles whose cell satisfies `is_doubted` to too far to tell.
+    pub fn doubt(&mut self, is_doubted: impl Fn([i32; 2]) -> bool) {
+        for pixel in self.obstacles.iter().filter(|pixel| is_doubted(pixel.cell)) {
             self.counts[Label::Obstacle as usize] -= 1;
             self.counts[Label::TooFar as usize] += 1;
             self.labels[pixel.label] = Label::TooFar;

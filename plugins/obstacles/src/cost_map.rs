@@ -204,11 +204,12 @@ impl CostMap {
         }
     }
 
-    /// Whether a cell is an obstacle.
-    pub(crate) fn is_obstacle(&self, [x, y]: [i32; 2]) -> bool {
+    /// Whether the map has a cell, and it is no obstacle. What lies outside of the window keeps its label: no frame is
+    /// counted there.
+    pub(crate) fn doubts(&self, [x, y]: [i32; 2]) -> bool {
         let at = self.frame.slot(CellIndex::new(x.into(), y.into()));
         let cost = |at: usize| self.cells[at].cost(self.certainty.min_pixels);
-        at.is_some_and(|at| Seen::of_cost(cost(at)) == Seen::Obstacle)
+        at.is_some_and(|at| Seen::of_cost(cost(at)) != Seen::Obstacle)
     }
 
     /// Costs in row order from the south-west corner.

@@ -352,7 +352,7 @@ impl Obstacles {
         self.sightings.recentre(centre);
         map.confirm(&sure, |cell, seen, is_sure| self.sightings.confirms(cell, seen, is_sure, frames));
         for strip in strips {
-            strip.doubt(|cell| !map.is_obstacle(cell));
+            strip.doubt(|cell| map.doubts(cell));
         }
     }
 

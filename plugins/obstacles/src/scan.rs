@@ -110,7 +110,8 @@ pub struct Start {
 
 /// Distance between the points of the ground profile, m.
 const PROFILE_STEP_M: f32 = 0.1;
-/// Maximum number of points that are examined for the slope of a surface.
+/// Number of points that are examined at most for the slope of a surface; of a column of more than four times as many
+/// points, a quarter of the column. A surface at distance `rho` m spans `fy · surface_span_m / rho` rows of a level camera.
 pub(crate) const LOOK_AHEAD: usize = 128;
 
 /// Labels columns; keeps its working memory between them.
@@ -280,7 +281,7 @@ fn end_run(run: &mut Option<Run>, end: usize, params: &ScanParams, labels: &mut 
 fn surface(points: &[ScanPoint], i: usize, params: &ScanParams) -> Surface {
     let point = points[i];
     let elevation = point.z / point.rho;
-    for next in points.iter().skip(i + 1).take(LOOK_AHEAD) {
+    for next in points.iter().skip(i + 1).take(LOOK_AHEAD.max(points.len() / 4)) {
         let has_range = next.range >= params.min_range_m && next.range.is_finite();
         if has_range && (next.z / next.rho - elevation) * point.rho >= params.surface_span_m {
             let tolerance = params.min_rise_m + params.rise_noise * point.range;

@@ -39,6 +39,25 @@ fn ground_may_slope_ahead_of_a_vehicle_that_stands_on_the_slope() {
 }
 
 #[test]
+fn a_ramp_at_the_wheels_is_ground_in_the_image_of_a_depth_camera_of_many_rows() {
+    // A level camera of 1080 rows, 0.5 m above the ground, on which a ramp of 5° begins 0.4 m ahead.
+    let slope = libm::tanf(5.0_f32.to_radians());
+    let point = |row: u16| {
+        let elevation = (f32::from(row) - 539.5) / 1070.0;
+        let rho = (0.5 + 0.4 * slope) / (slope - elevation);
+        if (0.0..100.0).contains(&rho) { ScanPoint::at(rho, 0.0, rho * elevation) } else { ScanPoint::NONE }
+    };
+    let points: Vec<ScanPoint> = (0..1080).map(point).collect();
+    let (start, params) = (Start { rho: 0.4, z: -0.5, slope: 0.0 }, ScanParams::default());
+    let mut labels = vec![Label::Invalid; points.len()];
+    ColumnScan::default().scan(&points, start, &params, &mut labels);
+    let near = points.iter().zip(&labels).filter(|(point, _)| point.range > 0.0 && point.range < 30.0);
+    let near: Vec<Label> = near.map(|(_, label)| *label).collect();
+    assert!(near.len() > 600 && near.iter().all(|label| *label == Label::Ground), "{near:?}");
+    assert_eq!(labels, reference_scan(&points, start, &params));
+}
+
+#[test]
 fn a_box_of_thirty_centimetres_is_an_obstacle_and_the_ground_around_it_is_not() {
     for slope_rad in [0.0, 0.26] {
         let scene = Scene::sloping(slope_rad).with_box([6.0, -0.5, 0.0], [6.4, 0.5, 0.3]);
@@ -234,7 +253,9 @@ impl Reference<'_> {
             self.has_range(*j)
                 && (next.z / next.rho - point.z / point.rho) * point.rho >= self.params.surface_span_m
         };
-        let next = self.points[(i + 1..self.points.len().min(i + 129)).find(high_enough)?];
+        let count = self.points.len();
+        let end = count.min(i + 1 + (count / 4).max(128));
+        let next = self.points[(i + 1..end).find(high_enough)?];
         let tolerance = self.params.min_rise_m + self.params.rise_noise * point.range;
         Some(next.z - point.z <= tolerance + self.params.slope_limit * (next.rho - point.rho).max(0.0))
     }

@@ -1,5 +1,5 @@
 //! `obstacles` on the bench: range data that come twice, late or in other axes than the mount, what is known after `INIT`,
-//! and what the votes of clouds are worth.
+//! obstacles beyond the cost map, and what the votes of clouds are worth.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -38,10 +38,11 @@ fn cloud() -> PointCloud {
     cloud_of(ground(100))
 }
 
-/// Flat ground up to a wall 5 m ahead, 1.2 m high.
-fn wall() -> PointCloud {
-    let of_wall = |y: i32| (0..24).map(move |z| [5.05, y as f32 * 0.02, z as f32 * 0.05 - 1.0]);
-    cloud_of(ground(50).chain((-100..100).flat_map(of_wall)))
+/// Flat ground up to a wall so many metres ahead, 1.2 m high.
+fn wall(ahead_m: i32) -> PointCloud {
+    let x = ahead_m as f32 + 0.05;
+    let of_wall = |y: i32| (0..24).map(move |z| [x, y as f32 * 0.02, z as f32 * 0.05 - 1.0]);
+    cloud_of(ground(10 * ahead_m).chain((-100..100).flat_map(of_wall)))
 }
 
 /// Points of the ground each 0.1 m, from 2 m ahead.
@@ -120,7 +121,7 @@ fn obstacles_that_were_seen_before_the_local_frame_began_again_are_forgotten() {
         let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
         bench.write("/operator/odometry", odometry);
         let now_ms = bench.now_ms;
-        give_cloud(&mut bench, now_ms, wall());
+        give_cloud(&mut bench, now_ms, wall(5));
         bench.latest::<ObstacleStats>("/obstacles/stats").obstacle_cells > 0
     };
     assert_eq!([is_seen(0.0), is_seen(0.0)], [false, true], "in the second frame");
@@ -128,6 +129,25 @@ fn obstacles_that_were_seen_before_the_local_frame_began_again_are_forgotten() {
     assert_eq!([is_seen(0.0), is_seen(0.0)], [false, true]);
     let why = "the pose in the local frame leapt by 8.0 m; ground and obstacles seen before are forgotten";
     assert_eq!(bench.faults("obstacles"), (2, why.to_owned()));
+}
+
+#[test]
+fn an_obstacle_beyond_the_cost_map_keeps_its_label_however_many_frames_an_obstacle_needs() {
+    // Number of points of a wall that are labelled as an obstacle, in three frames.
+    let labelled = |ahead_m: i32, positive_frames: u32| {
+        let frames = format!("[process.params]\npositive_frames = {positive_frames}\nsure_range_m = 0.0");
+        let stack = STACK.replace("[process.params]", &frames);
+        let mut bench = Setup::new(&stack, &[ProcessType::of::<Obstacles>()]).bench();
+        bench.advance(1_000);
+        [1_000, 1_100, 1_200].map(|time_ms| {
+            give_cloud(&mut bench, time_ms, wall(ahead_m));
+            bench.latest::<ObstacleStats>("/obstacles/stats").obstacle
+        })
+    };
+    assert_eq!(labelled(5, 3)[..2], [0, 0], "the map has it");
+    let far = labelled(25, 3);
+    assert_eq!(far, labelled(25, 1), "the map ends 20 m ahead");
+    assert!(far[0] > 1_000, "{far:?}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::rig::{Bench, ImageCalibration, Rectified, Rig, Unusable};
 use crate::{CalibrationError, Method, NO_DISPARITY, STEPS_PER_PIXEL, Settings};
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::ImageCheck;
+use rcs_sense::{ImageCheck, read_calibration};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -101,7 +101,9 @@ impl Process for Stereo {
 
     fn cycle(&mut self, ports: &Ports, params: &StereoParams, cx: &mut Cycle<'_>) {
         for side in Side::BOTH {
-            if let Some(calibration) = cx.read_newest(&ports.calibrations[side as usize]) {
+            let port = &ports.calibrations[side as usize];
+            let has_camera = self.calibrations[side as usize].is_some();
+            if let Some(calibration) = read_calibration(port, has_camera, false, cx) {
                 self.read_calibration(side, &calibration, cx);
             }
             while let Some(image) = cx.read(&ports.images[side as usize]) {

@@ -4,8 +4,10 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
+use rcs_msg::rcs::Command;
 use rcs_msg::{AnyMessage, Payload, Stamp, schema_of};
-use rcs_runtime::{ProcessType, RunOptions, Snapshot, Stepped};
+use rcs_runtime::source::Task;
+use rcs_runtime::{ExternalEvent, ProcessType, RunOptions, Session, Snapshot, Stepped};
 use rcs_stereo::Stereo;
 use rcs_testkit::bench::{self, Setup, newest};
 use rcs_testkit::logs::hand_made;
@@ -302,6 +304,27 @@ fn without_calibrations_pairs_are_skipped() {
     run_until(&mut run, 150);
     assert_eq!(sent(&run), [0; 6]);
     assert!(faults(&run).1.contains("no usable calibration of the left camera"));
+}
+
+#[test]
+fn after_init_the_calibrations_that_were_sent_once_are_still_known() {
+    let mut given = calibrated();
+    given.extend([100, 300, 500, 700, 900].into_iter().flat_map(pair));
+    let mut session = Session::new(run(&given, 1, &[])).unwrap();
+    let go = |session: &mut Session, at_ms: u64| {
+        session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
+    };
+    let command = |session: &mut Session, serial: u64, name: &str| {
+        let command = Command { serial, name: name.to_owned(), ..Command::default() };
+        session.write(ExternalEvent::operator("/stereo/command", AnyMessage::new(command))).unwrap();
+    };
+    go(&mut session, 400);
+    assert_eq!((faults(session.run()).0, sent(session.run())), (0, [2; 6]));
+    command(&mut session, 2, "INIT");
+    go(&mut session, 440);
+    command(&mut session, 3, "RUN");
+    go(&mut session, 850);
+    assert_eq!((faults(session.run()).0, sent(session.run())), (0, [4; 6]), "{}", faults(session.run()).1);
 }
 
 #[test]

@@ -117,6 +117,7 @@ impl LearnerCamera {
         for (port, recent, what) in
             [(&ports.image, &mut self.images, "image"), (&ports.depth, &mut self.depths, "depth")]
         {
+            recent.miss(cx.missed(port));
             while let Some(message) = cx.read(port) {
                 let got = message.acq_time();
                 recent.forget_ahead(got, cx.now());
@@ -157,7 +158,7 @@ impl LearnerCamera {
         let apart = |recent: &Recent, what: &'static str| {
             let nearest = recent.times().map(|other| other.0.abs_diff(time.0)).min();
             let apart_s = nearest.map(|ns| ns as f64 * 1e-9);
-            Unusable::Apart { what, of: "labels", apart_s }
+            Unusable::Apart { what, of: "labels", apart_s, missed: recent.missed() }
         };
         let tolerance = params.sync_tolerance_s;
         let (_, image) = self.images.at(time, tolerance).ok_or_else(|| apart(&self.images, "image"))?;

@@ -214,6 +214,7 @@ impl Classifier {
         for (port, recent, what) in
             [(&ports.image, &mut self.images, "image"), (&ports.depth, &mut self.depths, "depth")]
         {
+            recent.miss(cx.missed(port));
             while let Some(message) = cx.read(port) {
                 let (got, now) = (message.acq_time(), cx.now());
                 recent.forget_ahead(got, now);
@@ -232,8 +233,9 @@ impl Classifier {
                 }
                 if let Some(newest) = newest.filter(|&newest| newest >= got) {
                     cx.fault(format!("{}; skipped", Unusable::Late { what, got, newest }));
-                } else if recent.add(got, (*message).clone()).is_ok() {
-                    is_new_depth |= what == "depth";
+                } else if recent.add(got, (*message).clone()).is_ok() && what == "depth" {
+                    recent.forget_before(got);
+                    is_new_depth = true;
                 }
             }
         }
@@ -263,10 +265,9 @@ impl Classifier {
             None if is_new_depth && self.done.is_none_or(|done| done < time) => {
                 let nearest = self.images.times().map(|other| other.0.abs_diff(time.0)).min();
                 let apart_s = nearest.map(|ns| ns as f64 * 1e-9);
-                cx.fault(format!(
-                    "{}; depth skipped",
-                    Unusable::Apart { what: "image", of: "depth", apart_s }
-                ));
+                let missed = self.images.missed();
+                let error = Unusable::Apart { what: "image", of: "depth", apart_s, missed };
+                cx.fault(format!("{error}; depth skipped"));
                 Task::Wait("waits for depth")
             }
             None => Task::Wait("waits for depth"),

@@ -2,7 +2,7 @@
 //! slip, and the ground under the vehicle (Albus 2006a, 3.2, step 5).
 
 use crate::camera::extrinsics;
-use crate::map::{Experience, Patch, TerrainMap};
+use crate::map::{Experience, Patch, TerrainMap, Vehicle};
 use crate::models::ModelRules;
 use crate::proto::TerrainLearnerParams;
 use glam::{DVec2, DVec3};
@@ -87,7 +87,7 @@ impl Teachers {
                     let y = [if hit[1] { -half } else { 0.0 }, if hit[0] { half } else { 0.0 }];
                     let patch = Patch { x: [params.front_m, params.front_m + params.bumper_reach_m], y };
                     for map in maps.iter_mut() {
-                        map.bump(&pose, &patch, params.bumper_gain, rules);
+                        map.bump(&vehicle(pose, params), &patch, params.bumper_gain, rules);
                     }
                 }
                 Err(error) => cx.fault(format!("bumper: {error}; hit skipped")),
@@ -101,19 +101,20 @@ impl Teachers {
         for place in self.slippery_places(localizer, ports, params, cx) {
             let wheels = Patch { x: [-WHEELS_REACH_M, WHEELS_REACH_M], y: [-half, half] };
             for map in maps.iter_mut() {
-                map.spin(&place, &wheels, params.slip_gain, rules);
+                map.spin(&vehicle(place, params), &wheels, params.slip_gain, rules);
             }
         }
-        // Without a pose no cell can be found; frames report it.
-        let here = extrinsics.local_from_vehicle(localizer, cx.now()).ok().filter(|_| !extrinsics.fixed_pose);
+        // Without a pose no cell can be found; frames report it. A vehicle whose pose is fixed drives over nothing.
+        let here = extrinsics.local_from_vehicle(localizer, cx.now()).ok();
         let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
-        let driven = self.driven(here, params.driven_delay_s, cx.now());
+        let moves = here.filter(|_| !extrinsics.fixed_pose);
+        let driven = self.driven(moves, params.driven_delay_s, cx.now());
         for map in maps.iter_mut() {
-            if let Some(pose) = &here {
-                map.stand(pose);
+            if let Some(pose) = here {
+                map.stand(&vehicle(pose, params));
             }
             for pose in &driven {
-                map.drive(pose, &outline, params.driven_gain, rules);
+                map.drive(&vehicle(*pose, params), &outline, params.driven_gain, rules);
             }
         }
         let differs = |part: std::ops::Range<usize>| {
@@ -165,6 +166,11 @@ impl Teachers {
         }
         places
     }
+}
+
+/// The vehicle with this pose in the local frame.
+fn vehicle(local_from_vehicle: Pose, params: &TerrainLearnerParams) -> Vehicle {
+    Vehicle { local_from_vehicle, wheels_below_m: params.wheels_below_m, height_m: params.height_m }
 }
 
 /// Teaches the maps what an operator has drawn.

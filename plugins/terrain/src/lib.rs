@@ -33,7 +33,9 @@
 //! State: the poses of the last seconds, the last images of the cameras, and a learning map with its models: one map
 //! where only the left camera learns or both cameras share what they learn, otherwise one per camera.
 //!
-//! A camera's labels, depth and image are matched by their acquisition times. Steps for each frame (Albus 2006a, 3.2):
+//! A camera's labels, depth and image are matched by their acquisition times. Images and depths of the last 2 s are kept
+//! for that, at least 8 and at most 64. Where they come faster than the cycles, their buffers need a `queue`, else some are
+//! dropped before they are read. Steps for each frame (Albus 2006a, 3.2):
 //!
 //! 1. Nothing is learned while the vehicle turns fast or stands.
 //! 2. Each labelled point is added to its cell of a north-up map of 201×201 cells of 0.2 m.
@@ -109,5 +111,7 @@ pub use learner::{TerrainLearner, TerrainLearnerCommand};
 
 #[cfg(test)]
 mod classify_tests;
+#[cfg(test)]
+mod growth_tests;
 #[cfg(test)]
 mod scene;

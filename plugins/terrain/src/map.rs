@@ -41,6 +41,25 @@ pub const SQUEEZED: usize = 64;
 /// it later: as from a hit of the bumper, so that one large outline does not outweigh everything that was driven over.
 pub const MARKED_CELLS: usize = 4;
 
+/// The vehicle at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vehicle {
+    /// Its pose in the local frame.
+    pub local_from_vehicle: Pose,
+    /// Distance of the ground under the wheels below the origin of its frame, m.
+    pub wheels_below_m: f64,
+    /// Its height above that ground, m.
+    pub height_m: f64,
+}
+
+impl Vehicle {
+    /// Height of the ground under it, local frame, mm.
+    fn ground_mm(&self) -> i32 {
+        let up = self.local_from_vehicle.rotate(DVec3::Z);
+        ((self.local_from_vehicle.translation.z - up.z * self.wheels_below_m) * 1000.0) as i32
+    }
+}
+
 /// How far experience reaches.
 #[derive(Clone, Copy)]
 struct Reach {
@@ -49,24 +68,20 @@ struct Reach {
     /// Greatest height of an obstacle of which driving over it tells, mm: what is higher hung over the way.
     height_mm: u32,
     /// Height of the ground under the vehicle, local frame, mm.
-    vehicle_mm: i32,
+    ground_mm: i32,
 }
 
 impl Reach {
-    /// Of the vehicle, which is about 0.8 m high.
-    fn own(local_from_vehicle: &Pose) -> Reach {
-        Reach { cells: usize::MAX, height_mm: 800, vehicle_mm: height_mm(local_from_vehicle) }
+    /// Of the vehicle.
+    fn own(vehicle: &Vehicle) -> Reach {
+        let height_mm = (vehicle.height_m * 1000.0).round() as u32;
+        Reach { cells: usize::MAX, height_mm, ground_mm: vehicle.ground_mm() }
     }
 
-    /// Of an operator, while the vehicle is at this height.
-    fn told(vehicle_mm: i32) -> Reach {
-        Reach { cells: MARKED_CELLS, height_mm: u32::MAX, vehicle_mm }
+    /// Of an operator, while the ground under the vehicle is at this height.
+    fn told(ground_mm: i32) -> Reach {
+        Reach { cells: MARKED_CELLS, height_mm: u32::MAX, ground_mm }
     }
-}
-
-/// Height of a vehicle in the local frame, mm.
-fn height_mm(local_from_vehicle: &Pose) -> i32 {
-    (local_from_vehicle.translation.z * 1000.0) as i32
 }
 
 /// Share of obstacle in the experience of ground on which the wheels spin: it costs at most 100 of 250, so that a planner
@@ -131,7 +146,7 @@ pub struct TerrainMap {
     /// Cells under the vehicle in the previous update.
     under: Vec<CellIndex>,
     /// Height of the ground under the vehicle, local frame, mm.
-    vehicle_mm: i32,
+    ground_mm: i32,
     /// Number of cells driven over, number hit, and number that an operator marked.
     experienced: [u64; 3],
 }
@@ -143,7 +158,7 @@ impl TerrainMap {
             cells: ScrollGrid::new(SIDE, CELL_SIZE_M, None)?,
             models,
             under: Vec::new(),
-            vehicle_mm: 0,
+            ground_mm: 0,
             experienced: [0; 3],
         })
     }
@@ -334,41 +349,41 @@ impl TerrainMap {
     }
 
     /// Takes the height of the ground under the vehicle, above which the heights of obstacles are measured.
-    pub fn stand(&mut self, local_from_vehicle: &Pose) {
-        self.vehicle_mm = height_mm(local_from_vehicle);
+    pub fn stand(&mut self, vehicle: &Vehicle) {
+        self.ground_mm = vehicle.ground_mm();
     }
 
     /// Adds ground to cells that have come under the vehicle since the last call (learning by experience).
-    pub fn drive(&mut self, local_from_vehicle: &Pose, outline: &Patch, gain: f64, rules: &ModelRules) {
-        let under = self.covered(local_from_vehicle, outline);
+    pub fn drive(&mut self, vehicle: &Vehicle, outline: &Patch, gain: f64, rules: &ModelRules) {
+        let under = self.covered(&vehicle.local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
             under.iter().copied().filter(|cell| self.under.binary_search(cell).is_err()).collect();
-        self.experience(&fresh, Experience::Driven, [gain, 1.0], Reach::own(local_from_vehicle), rules);
+        self.experience(&fresh, Experience::Driven, [gain, 1.0], Reach::own(vehicle), rules);
         self.experienced[0] += fresh.len() as u64;
         self.under = under;
     }
 
     /// Adds obstacles to the cells of a patch that the bumper hit: those whose centres lie in it, or those of its corners where
     /// it has no centre.
-    pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
-        let mut hit = self.covered(local_from_vehicle, patch);
+    pub fn bump(&mut self, vehicle: &Vehicle, patch: &Patch, gain: f64, rules: &ModelRules) {
+        let mut hit = self.covered(&vehicle.local_from_vehicle, patch);
         if hit.is_empty() {
-            let corners = corners(local_from_vehicle, patch).into_iter();
+            let corners = corners(&vehicle.local_from_vehicle, patch).into_iter();
             let cells = corners.filter_map(|corner| self.cells.cell_at(corner));
             hit = cells.filter(|cell| self.cells.contains(*cell)).collect();
             hit.sort_unstable();
             hit.dedup();
         }
-        self.experience(&hit, Experience::Bumped, [gain; 2], Reach::own(local_from_vehicle), rules);
+        self.experience(&hit, Experience::Bumped, [gain; 2], Reach::own(vehicle), rules);
         self.experienced[1] += hit.len() as u64;
     }
 
     /// Adds ground and obstacles to the cells of a patch on which the wheels have begun to spin; to each cell once, however
     /// long the vehicle tries to leave it.
-    pub fn spin(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
-        let mut spun = self.covered(local_from_vehicle, patch);
+    pub fn spin(&mut self, vehicle: &Vehicle, patch: &Patch, gain: f64, rules: &ModelRules) {
+        let mut spun = self.covered(&vehicle.local_from_vehicle, patch);
         spun.retain(|cell| self.get(*cell).is_none_or(|cell| cell.terrain.bumped == 0));
-        let reach = Reach::own(local_from_vehicle);
+        let reach = Reach::own(vehicle);
         self.experience(&spun, Experience::Bumped, [SPUN_SHARE * gain; 2], reach, rules);
         self.experience(&spun, Experience::Driven, [(1.0 - SPUN_SHARE) * gain, 0.0], reach, rules);
         self.experienced[0] += spun.len() as u64;
@@ -390,7 +405,7 @@ impl TerrainMap {
         }
         inside.sort_unstable();
         inside.dedup();
-        self.experience(&inside, what, [gain; 2], Reach::told(self.vehicle_mm), rules);
+        self.experience(&inside, what, [gain; 2], Reach::told(self.ground_mm), rules);
         self.experienced[2] += inside.len() as u64;
         inside.len() as u64
     }
@@ -437,7 +452,7 @@ impl TerrainMap {
             let driven_labelled = counted_if(cell.terrain.is_labelled());
             let driven_obstacle = counted_if(cell.terrain.is_obstacle_by_range());
             let height_mm =
-                if driven_obstacle > 0 { cell.terrain.heights.obstacle_mm(reach.vehicle_mm) } else { 0 };
+                if driven_obstacle > 0 { cell.terrain.heights.obstacle_mm(reach.ground_mm) } else { 0 };
             let driven_height_mm = height_mm.min(reach.height_mm);
             let lesson = Lesson { driven, bumped, driven_labelled, driven_obstacle, driven_height_mm };
             cell.terrain.learn(&lesson);
@@ -520,7 +535,7 @@ impl TerrainMap {
     }
 
     fn is_low(&self, cell: &Cell, limit_mm: u32) -> bool {
-        cell.terrain.heights.obstacle_mm(self.vehicle_mm) <= limit_mm
+        cell.terrain.heights.obstacle_mm(self.ground_mm) <= limit_mm
     }
 
     /// What is known of a cell (step 5): the obstacle fraction of its model, where it belongs to one or where experience
@@ -571,4 +586,4 @@ impl TerrainMap {
 
 #[cfg(test)]
 #[path = "map_tests.rs"]
-mod tests;
+pub(crate) mod tests;

@@ -4,11 +4,10 @@ use super::*;
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::frame::{gather, join, spots, strips};
 use crate::judgement::SURE;
-use crate::models::Heights;
 use crate::scene::{Scene, terrain};
 use crate::surroundings::Part;
 
-const RULES: ModelRules = ModelRules {
+pub(crate) const RULES: ModelRules = ModelRules {
     min_points: 40,
     min_purity: 0.95,
     merge_distance: 0.15,
@@ -17,17 +16,17 @@ const RULES: ModelRules = ModelRules {
     weights: MatchWeights { histograms: [0.18; 5], contrast: 0.1 },
 };
 
-fn empty() -> TerrainMap {
+pub(crate) fn empty() -> TerrainMap {
     TerrainMap::new(ModelSet::default()).unwrap()
 }
 
 /// Index, in the window of a map around the origin, of the cell `x` cells east and `y` cells north of the centre.
-fn place(x: i64, y: i64) -> u32 {
+pub(crate) fn place(x: i64, y: i64) -> u32 {
     ((y + 100) * 201 + x + 100) as u32
 }
 
 /// The judgement on a known cell, and its cost.
-fn judgement(map: &TerrainMap, index: CellIndex) -> Judgement {
+pub(crate) fn judgement(map: &TerrainMap, index: CellIndex) -> Judgement {
     map.judge(map.get(index).unwrap(), &RULES).unwrap()
 }
 
@@ -125,16 +124,27 @@ fn judgements_hold_every_known_cell_with_its_confidence() {
     assert_eq!([cost(&map, CellIndex::new(0, 5)), cost(&map, CellIndex::new(-9, 9))], [188, 188]);
 }
 
+/// A vehicle 0.8 m high whose frame has its origin on the ground.
+pub(crate) fn vehicle(local_from_vehicle: Pose) -> Vehicle {
+    Vehicle { local_from_vehicle, wheels_below_m: 0.0, height_m: 0.8 }
+}
+
 /// Drives east from cell 0, one cell per step.
 fn drive(map: &mut TerrainMap, steps: std::ops::Range<i32>) {
+    drive_with(&vehicle(Pose::IDENTITY), map, steps);
+}
+
+/// The same with a vehicle like this one.
+pub(crate) fn drive_with(like: &Vehicle, map: &mut TerrainMap, steps: std::ops::Range<i32>) {
     let outline = Patch { x: [-0.35, 0.35], y: [-0.25, 0.25] };
     for step in steps {
         let pose = Pose::from_translation(DVec3::new(0.1 + 0.2 * f64::from(step), 0.1, 0.0));
-        map.stand(&pose);
-        map.drive(&pose, &outline, 5.0, &RULES);
+        let vehicle = Vehicle { local_from_vehicle: pose, ..*like };
+        map.stand(&vehicle);
+        map.drive(&vehicle, &outline, 5.0, &RULES);
         // A vehicle that stays in place adds nothing more.
         let before = map.clone();
-        map.drive(&pose, &outline, 5.0, &RULES);
+        map.drive(&vehicle, &outline, 5.0, &RULES);
         assert_eq!(*map, before);
     }
 }
@@ -177,23 +187,6 @@ fn driving_along_a_thicket_of_the_colour_of_the_ground_says_nothing_about_it() {
 }
 
 #[test]
-fn driving_through_growth_says_nothing_about_what_is_higher() {
-    let mut map = empty();
-    let growth = |height_mm: i32| {
-        let heights = Heights { lowest_mm: Some(100), obstacle_top_mm: Some(height_mm) };
-        Terrain { heights, ..terrain(7, 0, 100) }
-    };
-    let row: Vec<_> = (0..40).map(|x| (place(x, 0), growth(650))).collect();
-    let things = [(place(50, 0), growth(740)), (place(55, 0), growth(1100))];
-    map.learn(&[row.as_slice(), &things].concat(), &RULES);
-    assert_eq!(map.models.models.len(), 1, "they look alike");
-    drive(&mut map, 0..30);
-    assert_eq!(map.models.models[0].terrain.driven_height_mm, 650);
-    let backings = [50, 55].map(|x| judgement(&map, CellIndex::new(x, 0)).backing);
-    assert_eq!(backings, [255, 0], "as high as the growth, less the noise of range; and a post");
-}
-
-#[test]
 fn experience_reaches_cells_that_are_not_pure() {
     let mut map = empty();
     let mixed: Vec<_> = (0..60).map(|x| (place(x, 0), terrain(7, 40, 60))).collect();
@@ -216,9 +209,9 @@ fn one_bump_keeps_what_was_hit_and_all_that_looks_like_it_above_200() {
         let mut map = empty();
         let cells: Vec<_> = (0..60).map(|x| (place(x, 0), terrain(7, ground, obstacle))).collect();
         map.learn(&cells, &RULES);
-        let pose = Pose::from_xy_yaw(0.1, 0.1, 0.0);
+        let vehicle = vehicle(Pose::from_xy_yaw(0.1, 0.1, 0.0));
         // The bumper hits on both sides: three cells of the row lie within its reach.
-        map.bump(&pose, &Patch { x: [0.3, 0.9], y: [-0.1, 0.1] }, 30.0, &RULES);
+        map.bump(&vehicle, &Patch { x: [0.3, 0.9], y: [-0.1, 0.1] }, 30.0, &RULES);
         assert_eq!(map.experienced(), [0, 3, 0]);
         let elsewhere = judgement(&map, CellIndex::new(50, 0));
         // Range says the same of what it called an obstacle; ground that was bumped into needs the backing.
@@ -231,14 +224,14 @@ fn one_bump_keeps_what_was_hit_and_all_that_looks_like_it_above_200() {
 #[test]
 fn a_hit_between_the_middles_of_cells_is_one_of_the_cells_of_its_corners() {
     let mut map = empty();
-    let pose = Pose::from_xy_yaw(0.1, 0.1, 0.0);
+    let at = |x: f64| vehicle(Pose::from_xy_yaw(x, 0.1, 0.0));
     // At 0.22 to 0.23 m of cells of 0.2 m.
-    map.bump(&pose, &Patch { x: [0.12, 0.13], y: [-0.15, 0.15] }, 30.0, &RULES);
+    map.bump(&at(0.1), &Patch { x: [0.12, 0.13], y: [-0.15, 0.15] }, 30.0, &RULES);
     let bumped: Vec<CellIndex> =
         map.iter().filter(|(_, cell)| cell.terrain.bumped > 0).map(|(index, _)| index).collect();
     assert_eq!(bumped, [CellIndex::new(1, -1), CellIndex::new(1, 1)]);
     assert_eq!(map.experienced(), [0, 2, 0]);
-    map.bump(&Pose::from_xy_yaw(900.0, 0.1, 0.0), &Patch { x: [0.12, 0.13], y: [0.0, 0.1] }, 30.0, &RULES);
+    map.bump(&at(900.0), &Patch { x: [0.12, 0.13], y: [0.0, 0.1] }, 30.0, &RULES);
     assert_eq!(map.experienced(), [0, 2, 0], "outside of the map");
 }
 
@@ -264,15 +257,15 @@ fn ground_on_which_the_wheels_have_spun_is_dear_wherever_it_looks_like_it_and_no
     // Three metres into the mud the wheels spin.
     drive(&mut map, 0..15);
     let wheels = Patch { x: [-0.2, 0.2], y: [-0.3, 0.3] };
-    map.spin(&Pose::from_xy_yaw(3.0, 0.1, 0.0), &wheels, 60.0, &RULES);
+    map.spin(&vehicle(Pose::from_xy_yaw(3.0, 0.1, 0.0)), &wheels, 60.0, &RULES);
     let [mud, grass] = [0, 4].map(|y| judgement(&map, CellIndex::new(50, y)));
     assert!((35..=100).contains(&mud.cost) && mud.backing == 255, "{mud:?}");
     assert_eq!((grass.cost, grass.backing), (0, 0));
     let before = map.clone();
-    map.spin(&Pose::from_xy_yaw(3.0, 0.1, 0.0), &wheels, 60.0, &RULES);
+    map.spin(&vehicle(Pose::from_xy_yaw(3.0, 0.1, 0.0)), &wheels, 60.0, &RULES);
     assert_eq!(map.models, before.models, "the same cells teach it once");
     for step in 1..8 {
-        map.spin(&Pose::from_xy_yaw(3.0 + 0.4 * f64::from(step), 0.1, 0.0), &wheels, 60.0, &RULES);
+        map.spin(&vehicle(Pose::from_xy_yaw(3.0 + 0.4 * f64::from(step), 0.1, 0.0)), &wheels, 60.0, &RULES);
     }
     map.learn(&[(place(59, 2), terrain(7, 10, 30))], &RULES);
     let stone = map.get(CellIndex::new(59, 2)).unwrap();
@@ -309,7 +302,7 @@ fn ground_looks_different_from_afar_and_experience_teaches_both_looks() {
     let points = |map: &TerrainMap| [0, 1].map(|number: usize| map.models.models[number].terrain.points());
     assert_eq!(points(&map), [300, 1000], "what is seen from near does not change the look from afar");
     let wheels = Patch { x: [-0.2, 0.2], y: [-0.3, 0.3] };
-    map.spin(&Pose::from_xy_yaw(6.1, 0.1, 0.0), &wheels, 60.0, &RULES);
+    map.spin(&vehicle(Pose::from_xy_yaw(6.1, 0.1, 0.0)), &wheels, 60.0, &RULES);
     let experienced = |number: usize| map.models.models[number].terrain.experience();
     assert!(experienced(0) > 0 && experienced(0) == experienced(1));
     // So the other one is known to be such ground 8 m ahead, and still is when little was seen of it from near.
@@ -344,7 +337,7 @@ fn ground_that_is_like_mud_is_judged_like_it_before_wheels_have_spun_on_its_mode
     };
     assert_eq!([cost(&map, (5, 0)), cost(&map, (25, 0))], [0, 0]);
     let wheels = Patch { x: [-0.2, 0.2], y: [-0.3, 0.3] };
-    map.spin(&Pose::from_xy_yaw(1.1, 0.1, 0.0), &wheels, 60.0, &rules);
+    map.spin(&vehicle(Pose::from_xy_yaw(1.1, 0.1, 0.0)), &wheels, 60.0, &rules);
     let mud = cost(&map, (5, 0));
     assert!((90..=100).contains(&mud), "{mud}");
     assert_eq!([cost(&map, (25, 0)), cost(&map, (0, 10))], [mud, 0]);
@@ -544,7 +537,7 @@ fn a_large_outline_teaches_models_that_its_cells_join_later_no_more_than_those_t
 fn what_was_driven_over_before_it_was_seen_reaches_its_model_once_and_whole() {
     let mut map = empty();
     let outline = Patch { x: [-0.35, 0.35], y: [-0.25, 0.25] };
-    map.drive(&Pose::from_xy_yaw(5.5, 0.5, 0.0), &outline, 5.0, &RULES);
+    map.drive(&vehicle(Pose::from_xy_yaw(5.5, 0.5, 0.0)), &outline, 5.0, &RULES);
     let driven: u64 = map.iter().map(|(_, cell)| cell.terrain.driven).sum();
     assert!(driven >= 30, "{driven}");
     look_at_square(&mut map, 0, 7);

@@ -71,8 +71,8 @@ impl Heights {
     }
 
     /// Height of the obstacle above its lowest point or the ground under the vehicle, whichever is lower, mm; 0 without one.
-    pub fn obstacle_mm(&self, vehicle_mm: i32) -> u32 {
-        let base_mm = self.lowest_mm.map_or(vehicle_mm, |lowest_mm| lowest_mm.min(vehicle_mm));
+    pub fn obstacle_mm(&self, ground_mm: i32) -> u32 {
+        let base_mm = self.lowest_mm.map_or(ground_mm, |lowest_mm| lowest_mm.min(ground_mm));
         self.obstacle_top_mm.map_or(0, |top_mm| top_mm.saturating_sub(base_mm).max(0) as u32)
     }
 }

@@ -7,14 +7,17 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::VecDeque;
 
-/// Number of images that are kept: at 5 Hz, those of the last 1.6 seconds.
-const KEPT: usize = 8;
+/// Images are kept for this time, s: labels come some tenths of a second after their image.
+const KEPT_S: f64 = 2.0;
+/// Least and greatest number of images that are kept. They share their pixels with the messages, which stay in memory.
+const KEPT: [usize; 2] = [8, 64];
 
 /// The last images of one port by their acquisition times.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recent {
     images: VecDeque<(Stamp, Held)>,
     clock: ClockWatch,
+    missed: u64,
 }
 
 impl Recent {
@@ -23,11 +26,22 @@ impl Recent {
         if let Some(newest) = self.newest().filter(|&newest| newest >= time) {
             return Err(newest);
         }
-        if self.images.len() == KEPT {
-            self.images.pop_front();
-        }
         self.images.push_back((time, Held(image)));
+        let [least, most] = KEPT;
+        let recent = self.times().filter(|other| time.seconds_since(*other) <= KEPT_S).count();
+        let too_many = self.images.len().saturating_sub(recent.clamp(least, most));
+        self.images.drain(..too_many);
         Ok(())
+    }
+
+    /// Counts images that the buffer dropped before they were read.
+    pub fn miss(&mut self, count: u64) {
+        self.missed += count;
+    }
+
+    /// Number of images that were missed since the last [`Self::forget_before`].
+    pub fn missed(&self) -> u64 {
+        self.missed
     }
 
     /// Removes the images from the future if `time`, that of an image that arrives, is not after `now`: by them, all others
@@ -60,9 +74,10 @@ impl Recent {
         (apart(nearest.0) as f64 <= tolerance_s * 1e9).then_some((nearest.0, &nearest.1.0))
     }
 
-    /// Removes images before this time.
+    /// Removes images before this time, up to which all have been used.
     pub fn forget_before(&mut self, time: Stamp) {
         self.images.retain(|(other, _)| *other >= time);
+        self.missed = 0;
     }
 
     /// Times of the images, oldest first.
@@ -111,10 +126,30 @@ mod tests {
         assert_eq!(recent.at(Stamp(18_400), 500e-9).map(|(_, image)| image.width), Some(18));
         assert_eq!(recent.at(Stamp(18_600), 500e-9).map(|(_, image)| image.width), Some(19));
         assert_eq!(recent.at(Stamp(18_400), 300e-9), None);
-        assert_eq!(recent.at(Stamp(5_000), 500e-9), None, "only the last ones are kept");
         assert_eq!(recent.add(Stamp(20_000), image(1)), Err(Stamp(20_000)));
         recent.forget_before(Stamp(19_500));
         assert_eq!(recent.times().collect::<Vec<_>>(), [Stamp(20_000)]);
+    }
+
+    #[test]
+    fn the_images_of_the_last_two_seconds_are_kept_and_at_least_8_and_at_most_64() {
+        let kept = |period_ms: u64| {
+            let mut recent = Recent::default();
+            for i in 1..=100 {
+                assert_eq!(recent.add(Stamp(i * period_ms * 1_000_000), image(1)), Ok(()));
+            }
+            recent.times().count()
+        };
+        assert_eq!([1_000, 150, 16].map(kept), [8, 14, 64]);
+    }
+
+    #[test]
+    fn the_image_of_a_fast_camera_is_found_when_its_labels_come_0_3_s_later() {
+        let mut recent = Recent::default();
+        for i in 0..60_u32 {
+            assert_eq!(recent.add(Stamp(u64::from(i) * 16_000_000), image(i)), Ok(()));
+        }
+        assert_eq!(recent.at(Stamp(40 * 16_000_000), 0.002).map(|(_, image)| image.width), Some(40));
     }
 
     #[test]

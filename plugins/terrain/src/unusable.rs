@@ -42,7 +42,7 @@ pub(crate) enum Unusable {
     #[error(transparent)]
     Rolled(#[from] Rolled),
     /// No kept image is close enough in time.
-    #[error("no {what} of the time of the {of}: nearest is {} s away", shown(*.apart_s))]
+    #[error("no {what} of the time of the {of}: nearest is {} s away{}", shown(*.apart_s), advice(*.missed))]
     Apart {
         /// What is missing.
         what: &'static str,
@@ -50,6 +50,8 @@ pub(crate) enum Unusable {
         of: &'static str,
         /// Time difference to the nearest one, s; `None` without any.
         apart_s: Option<f64>,
+        /// Number of images that the buffer dropped before they were read.
+        missed: u64,
     },
     /// A message is not newer than the previous one.
     #[error("{what} of {} s is not newer than the one before, of {} s", .got.seconds_since(Stamp(0)), .newest.seconds_since(Stamp(0)))]
@@ -65,6 +67,13 @@ pub(crate) enum Unusable {
 
 fn shown(apart_s: Option<f64>) -> String {
     apart_s.map_or_else(|| "infinite".to_owned(), |apart| format!("{apart:.3}"))
+}
+
+fn advice(missed: u64) -> String {
+    if missed == 0 {
+        return String::new();
+    }
+    format!("; {missed} dropped unread: its buffer needs a longer `queue`")
 }
 
 /// Depths of an image that belongs to one of `size`, m, NaN where unknown.

@@ -379,6 +379,28 @@ fn where_poses_leap_or_their_clock_begins_again_the_cells_are_forgotten_and_the_
 }
 
 #[test]
+fn where_a_buffer_has_dropped_the_image_of_labels_the_fault_names_its_queue() {
+    let mut bench = Setup::new(STACK, PROCESSES).bench();
+    bench.write("/operator/calibration", calibration());
+    bench.advance(1_000);
+    let [rgb, labels, depth] = scene();
+    // The second image replaces the first one before the next cycle.
+    for (buffer, time_ms, image) in [
+        ("/operator/image", 900, &rgb),
+        ("/operator/image", 950, &rgb),
+        ("/operator/depth", 900, &depth),
+        ("/operator/labels", 900, &labels),
+    ] {
+        let message = AnyMessage::new(image.clone());
+        bench.session.write(ExternalEvent::sensed(buffer, Stamp(time_ms * 1_000_000), message)).unwrap();
+    }
+    bench.advance(100);
+    let why = "left camera: no image of the time of the labels: nearest is 0.050 s away; \
+               1 dropped unread: its buffer needs a longer `queue`; frame skipped";
+    assert_eq!(bench.faults("terrain"), (1, why.to_owned()));
+}
+
+#[test]
 fn cameras_that_learn_together_from_now_on_begin_with_the_models_of_both() {
     let text = rcs_msg::to_json(&AnyMessage::new(models(&bench()))).unwrap();
     let mut bench = Setup::new(STACK, PROCESSES).bench();
