@@ -22,7 +22,7 @@ const STEP_S: f64 = 1.0;
 /// Number of earlier maps in which a cell is looked up when it becomes known what it is.
 const EARLIER: usize = 8;
 /// Confidence from which on a range sensor is sure of an obstacle. Votes from far do not lead there.
-const SURE: u8 = 150;
+pub(crate) const SURE: u8 = 150;
 /// Fewer samples of an outcome do not count.
 const LEAST_SAMPLES: usize = 20;
 
@@ -212,7 +212,8 @@ impl Earlier {
     }
 }
 
-/// Collects samples from the maps of a drive, in the order of time. The maps are of one frame.
+/// Collects samples from the maps of a drive, in the order of time. The maps are of one frame; where it begins again, call
+/// [`Experience::forget_maps`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Experience {
     kinds: Vec<(Source, SourceKind)>,
@@ -243,6 +244,11 @@ impl Experience {
         if self.samples.len() > count {
             Arc::make_mut(&mut self.samples).keep_newest(count);
         }
+    }
+
+    /// Forgets the maps, as where their frame has begun again: their cells are not those of the next map. The samples stay.
+    pub fn forget_maps(&mut self) {
+        self.earlier.clear();
     }
 
     /// Looks at a map; one that follows the one before by less than a second is passed over. The map must have the

@@ -10,7 +10,7 @@ pub use rcs_msg::foxglove::packed_element_field::NumericType;
 
 use crate::columns::{Column, columns};
 use crate::fusion::Fuser;
-use crate::{Evidence, MapMessage, Source, Weights};
+use crate::{Evidence, MapMessage, Source, SourceKind, Weights};
 
 /// Why a grid cannot be read, or a field is not available.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -242,6 +242,12 @@ impl<'a> GridView<'a> {
         self.frame_from_grid
     }
 
+    /// Middle of the grid in the frame of the message, m.
+    pub fn middle(&self) -> DVec2 {
+        let size_m = DVec2::new(self.columns as f64, self.rows as f64) * self.cell_size_m;
+        (self.frame_from_grid * (0.5 * size_m).extend(0.0)).truncate()
+    }
+
     /// Names of the fields, in the order of the message.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.fields.iter().map(|(name, ..)| &**name)
@@ -268,6 +274,13 @@ impl<'a> GridView<'a> {
     pub fn sources(&self) -> crate::Sources {
         let names = self.names().filter_map(|name| name.strip_prefix("cost."));
         names.filter_map(|name| name.parse::<Source>().ok()).collect()
+    }
+
+    /// Whether a source judges by appearance: the grid says by which model, or a source of this name does so by default
+    /// ([`Weights::default`]). Any other source senses shape or distance, touches, or tells slip or what an earlier run knew.
+    pub fn is_learned(&self, source: Source) -> bool {
+        let has_model = self.names().any(|name| name.strip_prefix("model.") == Some(source.name()));
+        has_model || Weights::default().get(source).kind == SourceKind::Learned
     }
 
     /// The bytes of all cells: by rows, each cell with its stride; empty if the view is of a map.

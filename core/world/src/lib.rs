@@ -7,7 +7,8 @@
 //! - [`Map`]: cells around the vehicle; converts to and from a `foxglove.Grid`.
 //! - [`MapMessage`], [`MapCodec`]: a map as it is published, and as it is recorded: key frames and changed cells.
 //! - [`Experience`], [`fit`]: weights learned from what the vehicle drove over and bumped into.
-//! - [`weights_of`]: the weights in the parameters of a process; [`weights_learned`]: those that learned ones replace.
+//! - [`weights_of`]: the weights in the parameters of a process; [`weights_learned`]: those that learned ones replace;
+//!   [`never_sure`]: whether others can be learned from what range sensors see.
 //! - [`GridView`], [`fuse_grid`]: read any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fuse it
 //!   again with other weights.
 //!
@@ -57,7 +58,9 @@ pub use map::{CELL_SIZE_M, MAX_SIDE, Map, SIDE};
 pub use message::MapMessage;
 pub use options::MapOptions;
 pub use source::{Source, SourceNameError, Sources};
-pub use weights_params::{LEARNED_WEIGHTS, weight_field, weights_beside, weights_learned, weights_of};
+pub use weights_params::{
+    LEARNED_WEIGHTS, never_sure, weight_field, weights_beside, weights_learned, weights_of,
+};
 
 /// The highest cost.
 pub const MAX_COST: u8 = 250;

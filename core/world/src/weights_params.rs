@@ -1,7 +1,8 @@
 //! Weights in the parameters of a process that fuses costs, found by the roles of the parameters: any process whose
 //! parameters have a list with the roles `source`, `source_weight` and `source_kind`. Also which of these weights are
-//! replaced by learned ones.
+//! replaced by learned ones, and whether others can be learned from what range sensors see (`source_max_confidence`).
 
+use crate::experience::SURE;
 use crate::{Source, SourceKind, Weighted, Weights};
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
 use rcs_msg::{AnyMessage, Value};
@@ -10,19 +11,32 @@ use rcs_msg::{AnyMessage, Value};
 /// of the parameters from which that was learned (`source`, `weight`, `given`).
 pub const LEARNED_WEIGHTS: &str = "rcs.FusionWeights";
 
-/// Name of the list of sources, and of the fields of an entry: name, weight and kind of a source.
+/// Name of the list of sources, and of the fields of an entry: name, weight and kind of a source, and its highest confidence
+/// in an obstacle, which a list may lack.
 struct Names {
     list: String,
     name: String,
     weight: String,
     kind: String,
+    max_confidence: Option<String>,
+}
+
+impl Names {
+    fn kind_of(&self, item: &Value) -> SourceKind {
+        match item.field(&self.kind).and_then(Value::as_i64) {
+            Some(1) => SourceKind::Override,
+            Some(2) => SourceKind::Learned,
+            _ => SourceKind::Range,
+        }
+    }
 }
 
 fn names(specs: &[ParamSpec]) -> Option<Names> {
     specs.iter().filter(|spec| spec.kind == ParamKind::List).find_map(|spec| {
         let field = |role: &str| spec.fields.iter().find(|field| field.role == role).map(|f| f.name.clone());
         let (name, weight, kind) = (field("source")?, field("source_weight")?, field("source_kind")?);
-        Some(Names { list: spec.name.clone(), name, weight, kind })
+        let max_confidence = field("source_max_confidence");
+        Some(Names { list: spec.name.clone(), name, weight, kind, max_confidence })
     })
 }
 
@@ -35,13 +49,8 @@ pub fn weights_of(params: &AnyMessage) -> Option<Weights> {
     let Value::List(items) = value.field(&names.list)? else { return None };
     let weighted = |item: &Value| {
         let source = Source::new(item.field(&names.name)?.as_text()?).ok()?;
-        let kind = match item.field(&names.kind).and_then(Value::as_i64) {
-            Some(1) => SourceKind::Override,
-            Some(2) => SourceKind::Learned,
-            _ => SourceKind::Range,
-        };
         let weight = item.field(&names.weight).and_then(Value::as_f64).unwrap_or(0.0) as f32;
-        Some(Weighted { source, weight, kind })
+        Some(Weighted { source, weight, kind: names.kind_of(item) })
     };
     let mut weights: Weights =
         if items.is_empty() { Weights::default() } else { items.iter().filter_map(weighted).collect() };
@@ -50,6 +59,27 @@ pub fn weights_of(params: &AnyMessage) -> Option<Weights> {
         weights.least_evidence = least as f32;
     }
     Some(weights)
+}
+
+/// Why no range sensor of the parameters is ever sure of an obstacle, so that no drive has judgements of obstacles seen from
+/// near ([`crate::Experience`]); `None` where one can be.
+pub fn never_sure(params: &AnyMessage) -> Option<String> {
+    let names = names(&specs(params.schema().descriptor()?))?;
+    let max_confidence = names.max_confidence.as_ref()?;
+    let value = params.value().ok()?;
+    let Value::List(items) = value.field(&names.list)? else { return None };
+    // Without a list, the sources are the bundled ones.
+    if items.is_empty() {
+        return None;
+    }
+    let ranges = items.iter().filter(|item| names.kind_of(item) == SourceKind::Range);
+    match ranges.filter_map(|item| item.field(max_confidence)?.as_i64()).max() {
+        None => Some("no source is a range sensor, which could be sure of an obstacle".to_owned()),
+        Some(most) if most < i64::from(SURE) => Some(format!(
+            "no range sensor can be sure of an obstacle: the greatest {max_confidence} is {most}, expected at least {SURE}"
+        )),
+        Some(_) => None,
+    }
 }
 
 /// The field of the weight of a source, such as `sources[2].weight`; `None` if the parameters do not list the source.

@@ -309,6 +309,21 @@ mod tests {
     }
 
     #[test]
+    fn a_camera_that_is_recorded_and_computed_is_counted_once_as_that_of_the_run() {
+        let mut frame = log(2, false);
+        let recorded = Arc::clone(&frame.topics);
+        let of_run =
+            recorded.iter().map(|topic| Topic::new(&topic.name, RunTag::FIRST, Arc::clone(&topic.schema)));
+        frame.topics = recorded.iter().cloned().chain(of_run).collect();
+        let mut layout = fitting(&frame);
+        assert_eq!(layout.name, "recording with 2 cameras");
+        let mut views = Vec::new();
+        camera_views(&mut layout.root, &mut views);
+        let keys: Vec<_> = views.iter().map(|(state, _)| state["topic"].clone()).collect();
+        assert_eq!(keys, ["/cam0", "/cam1"].map(|name| serde_json::json!(TopicKey::shown(name))));
+    }
+
+    #[test]
     fn a_log_opens_with_every_camera_and_without_empty_views() {
         for images in 0..7 {
             for has_odometry in [false, true] {

@@ -567,3 +567,18 @@ fn weights_that_the_other_half_of_a_drive_cannot_check_are_not_kept() {
     assert!(*code == 1 && errors.contains(&format!("no file was written ({why}")), "{code} {errors}");
     assert!(errors.contains("tuned.toml"), "{errors}");
 }
+
+#[test]
+fn a_drive_on_which_no_range_sensor_can_be_sure_of_an_obstacle_is_not_said_to_be_too_short() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("drive.mcap");
+    maps_of_a_drive(&log, |_| false);
+    // Stereo and the infrared sensors.
+    let [stereo, infrared] = [0, 6].map(|source| format!("wm1.sources[{source}].max_confidence=100"));
+    let tune = ["tune", "--log", text(&log), "--stack", "lagr", "--param", stereo.as_str()];
+    let (code, _, errors) = ocu(&tune);
+    assert!(code == 1 && errors.contains("expected 20") && !errors.contains("max_confidence"), "{errors}");
+    let (code, _, errors) = ocu(&[&tune[..], &["--param", infrared.as_str()]].concat());
+    let why = "no range sensor can be sure of an obstacle: the greatest max_confidence is 100, expected";
+    assert!(code == 1 && errors.contains(why), "{code} {errors}");
+}

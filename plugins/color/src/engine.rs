@@ -108,6 +108,8 @@ impl Engine {
         rng: &mut impl RngCore,
     ) -> Seen {
         let reduced = reduce(image);
+        // Also after a gap, the background is sampled where the last image called it so.
+        let called = self.fused.background();
         if self.last_image.is_none_or(|last| time.0.abs_diff(last.0) > FUSION_GAP_NS) {
             self.fused = Fused::default();
         }
@@ -143,7 +145,6 @@ impl Engine {
         self.last_learned = seen.learned.is_some().then_some(time);
 
         if samples.permission != Permission::Nothing {
-            let called = self.fused.background();
             let drawn = background::sample(image, &called, samples.first_background, settings.samples, rng);
             if drawn.sum() > 0.0 {
                 self.models.learn_background(&drawn.scaled(settings.samples as f32), time, settings);

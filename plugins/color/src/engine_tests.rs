@@ -2,7 +2,7 @@
 
 use crate::engine::{Engine, Permission, Samples, Seen};
 use crate::fusion::count;
-use crate::histogram::{Histogram, Span};
+use crate::histogram::{Histogram, Span, bin};
 use crate::image::{HEIGHT, Image, PIXELS, WIDTH};
 use crate::models::{Learned, Model, Models, Settings};
 use rand_chacha::ChaCha8Rng;
@@ -98,6 +98,20 @@ fn path_in_the_first_background_samples_does_not_stay_background() {
     let seen = see(&mut engine, &paint(MULCH, false, 1), 0.0, Permission::All, 1);
     let iou = iou(&seen.costs.unwrap());
     assert!(iou > 0.9, "intersection over union {iou}");
+}
+
+#[test]
+fn after_a_gap_the_background_is_sampled_where_the_last_image_called_it_so() {
+    let mut engine = Engine::default();
+    see(&mut engine, &paint(MULCH, false, 1), 0.0, Permission::All, 1);
+    // What was grass beside the path, below the first samples, has another colour now.
+    let mut data = paint(MULCH, false, 2);
+    for pixel in (150..SIZE[1]).flat_map(|row| (0..40).map(move |column| row * SIZE[0] + column)) {
+        data[3 * pixel..3 * pixel + 3].copy_from_slice(&FENCE);
+    }
+    see(&mut engine, &data, 1.2, Permission::All, 2);
+    let background = engine.models.background.unwrap();
+    assert!(background.histogram.counts()[bin(FENCE[0], FENCE[1])] > 0.0);
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! Conditions under which ground is not learned (Albus 2006a, 3.1.2): the vehicle stands, it turns fast, or an obstacle
 //! of the world model projects into the ground sample.
 //!
-//! Difference from the paper: only obstacles that were seen by their shape or touched (stereo, infrared, bumper) count.
-//! If costs of the colour models counted too, ground of a new colour would remain an obstacle in the sample, and a
-//! vehicle that drives on it could never learn it. What the fused cost calls free does not count either: experience has
-//! shown that it gives way. For a map without these sources the fused cost alone is used.
+//! Difference from the paper: only obstacles that were seen by their shape or touched count (stereo, infrared, bumper, and
+//! any range sensor that a stack adds). If costs of the colour models counted too, ground of a new colour would remain an
+//! obstacle in the sample, and a vehicle that drives on it could never learn it. What the fused cost calls free does not
+//! count either: experience has shown that it gives way. For a map without such sources the fused cost alone is used.
 
 use crate::histogram::Span;
 use crate::region::{Rectangle, contains};
@@ -12,8 +12,9 @@ use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_sense::{Standing, is_obstacle, plane_height};
-use rcs_world::{Field, GridView};
+use rcs_world::{Field, GridView, Source};
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Motion of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,25 +25,38 @@ pub struct Motion {
     pub turn_rate_radps: f64,
 }
 
-/// Longest time between two poses from which speed is derived, s.
+/// Longest time between two images from whose poses motion is derived, s.
 const LONGEST_S: f64 = 2.0;
-/// Shortest time between two poses from which speed is derived, s: below it, noise dominates.
-const SHORTEST_S: f64 = 0.01;
+/// Shortest time between them, ns. Where images come faster than poses, one image has the same pose as the image before,
+/// and the next one a pose that leapt: from one image to the next, the vehicle seems to stand and to race in turn.
+const SHORTEST_NS: u64 = 150_000_000;
 
-/// Derives motion from the vehicle's poses at consecutive images.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Odometer(Option<(Stamp, Pose)>);
+/// Derives motion from the vehicle's poses at images.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Odometer {
+    /// Times of the last images and the poses at them, oldest first: those nearer to the newest one than [`SHORTEST_NS`], and
+    /// one before them.
+    past: VecDeque<(Stamp, Pose)>,
+}
 
 impl Odometer {
-    /// Takes the pose at an image; `None` where there is no pose shortly before it.
+    /// Takes the pose at an image. Returns the motion since the newest image that is at least 0.15 s older; `None` where there
+    /// is none, and where it is more than 2 s older.
     pub fn take(&mut self, time: Stamp, local_from_vehicle: &Pose) -> Option<Motion> {
-        let last = self.0.replace((time, *local_from_vehicle));
-        let (last_time, last_pose) = last?;
-        let elapsed_s = time.seconds_since(last_time);
-        if !(SHORTEST_S..=LONGEST_S).contains(&elapsed_s) {
+        // Later images are of a clock that has begun again, or came with a time from the future.
+        self.past.retain(|&(past, _)| past < time);
+        let is_older = |&(past, _): &(Stamp, Pose)| time.0.abs_diff(past.0) >= SHORTEST_NS;
+        while self.past.get(1).is_some_and(is_older) {
+            self.past.pop_front();
+        }
+        let before = self.past.front().copied().filter(is_older);
+        self.past.push_back((time, *local_from_vehicle));
+        let (then, local_from_then) = before?;
+        let elapsed_s = time.seconds_since(then);
+        if elapsed_s > LONGEST_S {
             return None;
         }
-        let step = last_pose.inverse() * *local_from_vehicle;
+        let step = local_from_then.inverse() * *local_from_vehicle;
         Some(Motion {
             speed_mps: step.translation.length() / elapsed_s,
             turn_rate_radps: step.yaw().abs() / elapsed_s,
@@ -54,8 +68,15 @@ impl Odometer {
 const PARTS: usize = 5;
 /// Obstacles farther from the rectangle's edges than this cannot project into it, m.
 const BEYOND_M: f64 = 2.0;
-/// Sources that see obstacles by their shape or touch them.
-pub(crate) const SOLID: [&str; 3] = ["cost.stereo", "cost.infrared", "cost.bumper"];
+
+/// The costs of the sources that see obstacles by their shape or touch them: of all but those that judge by appearance
+/// ([`GridView::is_learned`]), of slip, and of the map of an earlier run.
+pub(crate) fn solid<'a>(map: &'a GridView<'_>) -> Vec<Field<'a>> {
+    let is_solid =
+        |source: &Source| !map.is_learned(*source) && ![Source::SLIP, Source::MEMORY].contains(source);
+    let sources = map.sources();
+    sources.iter().filter(is_solid).filter_map(|source| map.field(&format!("cost.{source}")).ok()).collect()
+}
 
 /// How the camera sees the ground sample.
 #[derive(Clone, Copy, Debug)]
@@ -75,7 +96,7 @@ pub struct SampleView<'a> {
 /// Whether an obstacle of the map projects into the ground sample. An obstacle reaches from the ground height of its
 /// cell (the vehicle's plane where the map has none) to its maximum height.
 pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
-    let solid: Vec<Field<'_>> = SOLID.iter().filter_map(|name| map.field(name).ok()).collect();
+    let solid = solid(map);
     let fields = if solid.is_empty() { map.field("cost").into_iter().collect() } else { solid };
     let fused = map.field("cost").ok();
     let blocks = |column: usize, row: usize| {
@@ -188,13 +209,39 @@ mod tests {
     }
 
     #[test]
+    fn a_range_sensor_of_any_name_blocks_and_what_is_remembered_or_slippery_does_not() {
+        let sonar = Source::new("sonar").unwrap();
+        assert!(blocked([1.8, 0.0], 0.0, sonar, 250));
+        assert!(!blocked([1.8, 0.0], 0.0, sonar, 40));
+        assert!(!blocked([1.8, 0.0], 0.0, Source::MEMORY, 250));
+        assert!(!blocked([1.8, 0.0], 0.0, Source::SLIP, 250));
+    }
+
+    #[test]
     fn motion_is_what_lies_between_two_images() {
         let mut odometer = Odometer::default();
         let at = |s: f64| Stamp((s * 1e9) as u64);
         assert_eq!(odometer.take(at(1.0), &Pose::IDENTITY), None);
         let motion = odometer.take(at(1.2), &Pose::from_xy_yaw(0.2, 0.0, -0.1)).unwrap();
         assert!((motion.speed_mps - 1.0).abs() < 1e-9 && (motion.turn_rate_radps - 0.5).abs() < 1e-9);
-        assert_eq!(odometer.take(at(1.2), &Pose::IDENTITY), None, "no time between");
         assert_eq!(odometer.take(at(9.0), &Pose::IDENTITY), None, "too long ago");
+        assert_eq!(odometer.take(at(9.1), &Pose::IDENTITY), None, "nothing shortly before");
+        assert_eq!(odometer.take(at(0.5), &Pose::IDENTITY), None, "the clock has begun again");
+    }
+
+    #[test]
+    fn a_vehicle_whose_poses_come_less_often_than_images_neither_stands_nor_races() {
+        // 20 images a second at 1 m/s, of which every second one has the pose of the one before.
+        let mut odometer = Odometer::default();
+        let speeds: Vec<Option<f64>> = (0..20_u32)
+            .map(|image| {
+                let pose = Pose::from_xy_yaw(0.1 * f64::from(image / 2), 0.0, 0.0);
+                let motion = odometer.take(Stamp(50_000_000 * u64::from(image)), &pose);
+                motion.map(|motion| motion.speed_mps)
+            })
+            .collect();
+        assert_eq!(speeds[..3], [None; 3]);
+        let near_1 = 0.6..1.4;
+        assert!(speeds[3..].iter().all(|speed| speed.is_some_and(|mps| near_1.contains(&mps))), "{speeds:?}");
     }
 }

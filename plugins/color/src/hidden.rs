@@ -3,8 +3,8 @@
 //! Pixels of a hedge or a bush may have the colours of a known obstacle. Its foot then seems to lie where the rays of these
 //! pixels meet the ground, which is behind the hedge. Where the world model has an obstacle on the way to the foot that is
 //! high enough to hide it, the pixels show that obstacle. So they do where one stands at the foot, or close to it, that is
-//! clearly higher than the known obstacle. Only what was seen by its shape or touched counts (stereo, infrared, bumper):
-//! known obstacles must not hide each other, and themselves, by where they were placed before.
+//! clearly higher than the known obstacle. Only what was seen by its shape or touched counts: known obstacles must not hide
+//! each other, and themselves, by where they were placed before.
 //!
 //! A slope of soil has the colour of a known obstacle in the shade, too, and reaches up to the horizon as one does. Where
 //! the ground behind a foot rises so that its pixels show that ground, there is none.
@@ -12,7 +12,7 @@
 //! Near the camera, a known obstacle is seen by its shape, too, even a mesh whose holes show the ground behind it; soil is not.
 //! So the near feet do not count where almost none of them has an obstacle by shape beside it.
 
-use crate::gate::SOLID;
+use crate::gate::solid;
 use glam::DVec3;
 use rcs_geom::Pose;
 use rcs_sense::is_obstacle;
@@ -53,7 +53,7 @@ pub struct Screens<'a> {
 impl<'a> Screens<'a> {
     /// Those of a map with costs by shape and with the heights of obstacles; `None` of another map.
     pub fn of(map: &'a GridView<'a>) -> Option<Screens<'a>> {
-        let solid: Vec<Field<'_>> = SOLID.iter().filter_map(|name| map.field(name).ok()).collect();
+        let solid = solid(map);
         let top = map.field("obstacle.max").ok().filter(|_| !solid.is_empty())?;
         let size = map.cell_size_m();
         let cell_size_m = size.x.min(size.y);

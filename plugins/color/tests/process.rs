@@ -292,6 +292,21 @@ fn new_ground_is_learned_after_the_period_while_the_vehicle_drives_straight() {
 }
 
 #[test]
+fn new_ground_is_learned_where_images_come_faster_than_poses() {
+    let mut given = with_calibration(drive(10, 5, MULCH, 1.0, 0.0));
+    // At 1 m/s, 20 images a second, of which every second one has the pose of the one before.
+    given.extend((0..20_u32).flat_map(|image| {
+        let at_ms = 1_010 + 50 * u64::from(image);
+        let moved = image.is_multiple_of(2).then(|| give(at_ms, "/pose", pose(0.05 * f64::from(image), 0.0)));
+        moved.into_iter().chain([give(at_ms + 1, "/image", scene(LIME, at_ms))])
+    }));
+    let mut run = begin(&given, 1, &[]);
+    until(&mut run, 2_100);
+    let stats: ColorStats = latest(&run, "/color/stats");
+    assert_eq!((stats.learning(), stats.ground_models), (ColorLearning::ColorUpdated, 2));
+}
+
+#[test]
 fn nothing_is_learned_while_the_vehicle_turns_fast() {
     assert_eq!(learning_on_lime(1.0, 11.0, None, &[]), (ColorLearning::ColorOffTurning, 1));
     assert_eq!(learning_on_lime(1.0, -40.0, None, &[]), (ColorLearning::ColorOffTurning, 1));

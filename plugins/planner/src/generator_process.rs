@@ -51,11 +51,18 @@ rcs_runtime::commands! {
     }
 }
 
+/// What the children are still to be told.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct ToTell {
+    /// An `INIT` that this process has received.
+    init: bool,
+    /// The goal again, because of something other than its motion.
+    goal: bool,
+}
+
 /// State: the goal, the frames, and what the planner was told.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct WaypointGenerator {
-    /// Whether the children have not been sent an `INIT` that this process has received.
-    initializes: bool,
     frames: Localizer,
     /// The newest pose of the local frame in the global one.
     global_from_local: Option<(Pose, Stamp)>,
@@ -76,8 +83,7 @@ pub struct WaypointGenerator {
     told_global: (f64, f64),
     /// The newest pose of the local frame in the global one before it jumped.
     before_jump: Option<Pose>,
-    /// Whether they are told again, because of something other than a motion of the goal.
-    is_to_tell: bool,
+    to_tell: ToTell,
     /// Where the goal lay by the registration of the route when they were told, local frame, m.
     route_told: Option<(f64, f64)>,
     /// What the planner of the near map was told, local frame, m.
@@ -246,7 +252,7 @@ impl Process for WaypointGenerator {
     /// begin anew.
     fn renew(&self, _params: &WaypointGeneratorParams) -> Self {
         let mut renewed = Self {
-            initializes: true,
+            to_tell: ToTell { init: true, goal: false },
             commanded: self.commanded,
             mission: self.mission.clone(),
             sent: self.sent,
@@ -289,7 +295,7 @@ impl Process for WaypointGenerator {
         }
         let obeyed = self.given.fingerprint(params);
         if self.obeyed.replace(obeyed).is_some_and(|before| before != obeyed) {
-            self.is_to_tell = true;
+            self.to_tell.goal = true;
             self.search = None;
             // It is judged anew in this cycle, and so is the goal of a command.
             self.forbidden = None;
@@ -383,7 +389,7 @@ impl WaypointGeneratorCommand {
 impl WaypointGenerator {
     /// Sends the children the `INIT` after which another command may have come within the same period.
     fn catch_up(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
-        if std::mem::take(&mut self.initializes) {
+        if std::mem::take(&mut self.to_tell.init) {
             ports.children.pass_on(&Order::Init, &Order::Init, true, cx);
         }
     }
@@ -449,7 +455,7 @@ impl WaypointGenerator {
             cx.send(&ports.children.far_planner, order(local));
             self.told = Some((local.x, local.y));
             let global = (global_from_local * local.extend(0.0)).truncate();
-            (self.told_global, self.is_to_tell) = (global.into(), false);
+            (self.told_global, self.to_tell.goal) = (global.into(), false);
             self.route_told = Some((route_end.x, route_end.y));
             let now = cx.now();
             let pose = Some(pose_message(&Pose::from_translation(local.extend(0.0))));
@@ -486,7 +492,7 @@ impl WaypointGenerator {
         if !std::mem::replace(&mut self.is_standing, true) {
             ports.children.order_follower(Order::Halt, cx);
             // It forgets the goal.
-            self.is_to_tell = true;
+            self.to_tell.goal = true;
         }
         send_none(ports, params, cx);
         cx.error(why);
@@ -494,7 +500,7 @@ impl WaypointGenerator {
 
     /// The goal that the planners were told, local frame, m; `None` if they are to be told anew.
     fn obeyed_goal(&self) -> Option<(f64, f64)> {
-        self.told.filter(|_| !self.is_to_tell)
+        self.told.filter(|_| !self.to_tell.goal)
     }
 
     /// How far the local frame has jumped where the vehicle is, m: at a goal far away, a small correction of the heading

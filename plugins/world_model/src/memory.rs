@@ -170,7 +170,7 @@ impl Rectangle {
         if let Ok(field) = view.field_of(&format!("conf.{}", Source::MEMORY), NumericType::Uint8) {
             let (mut remembered, mut sensed) = (Vec::new(), Vec::new());
             field.bytes_into(&mut remembered);
-            fuse_grid(view, &by_shape(), &mut sensed)?;
+            fuse_grid(view, &by_shape(view), &mut sensed)?;
             for ((cost, confidence), sensed) in map.costs.iter_mut().zip(remembered).zip(sensed) {
                 let both = if sensed == UNKNOWN_COST { sensed } else { sensed.min(*cost) };
                 *cost = if confidence > 0 { both } else { *cost };
@@ -312,11 +312,13 @@ impl Rectangle {
     }
 }
 
-/// The sources with which a remembered map is compared: those of shape and touch. Those of colour and texture, the infrared
-/// sensors and the remembered map itself have no weight. A source that is not listed is a range sensor of weight 1, as for
-/// the world model ([`Weights`]).
-pub fn by_shape() -> Weights {
+/// The sources of a map with which a remembered one is compared: those of shape and touch. Those of colour and texture and
+/// any other that judges by appearance ([`GridView::is_learned`]), the infrared sensors and the remembered map itself have no
+/// weight. A source that is not listed is a range sensor of weight 1, as for the world model ([`Weights`]).
+pub fn by_shape(view: &GridView<'_>) -> Weights {
     let weighted = |source, weight, kind| Weighted { source, weight, kind };
+    let sources = view.sources();
+    let learned = sources.iter().filter(|&source| view.is_learned(source));
     let without_weight = [Source::COLOR, Source::CLASSIFIER, Source::INFRARED, Source::MEMORY];
     [
         weighted(Source::STEREO, 1.0, SourceKind::Range),
@@ -325,7 +327,8 @@ pub fn by_shape() -> Weights {
         weighted(Source::SLIP, 1.0, SourceKind::Override),
     ]
     .into_iter()
-    .chain(without_weight.map(|source| weighted(source, 0.0, SourceKind::Learned)))
+    // Terrain, which has a weight, is listed before: of several entries for one source the first counts.
+    .chain(without_weight.into_iter().chain(learned).map(|source| weighted(source, 0.0, SourceKind::Learned)))
     .collect()
 }
 

@@ -411,7 +411,7 @@ impl MapMemoryKeeper {
     ) -> Result<Found, String> {
         let (vehicle, view) = (now.vehicle, now.map);
         let mut costs = Vec::new();
-        fuse_grid(view, &by_shape(), &mut costs).map_err(|error| error.to_string())?;
+        fuse_grid(view, &by_shape(view), &mut costs).map_err(|error| error.to_string())?;
         let mut sensed = Rectangle::with(view, costs);
         sensed.forget_far(view, params.near_m);
         // A map that did not fit any more is turned as it was when it did.

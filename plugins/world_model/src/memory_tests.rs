@@ -178,16 +178,20 @@ fn what_is_only_remembered_is_not_sensed_and_what_is_sensed_counts() {
     let sensed = Rectangle::sensed_from_near(&view, 8.0).unwrap();
     let costs: Vec<u8> = (0..6).map(|column| sensed.at(place(column))).collect();
     assert_eq!(costs, [0, 255, 250, 250, 0, 255]);
-    assert_eq!(by_shape().get(Source::MEMORY).weight, 0.0, "it is not compared with itself");
+    assert_eq!(by_shape(&view).get(Source::MEMORY).weight, 0.0, "it is not compared with itself");
     let nothing_near = Rectangle::sensed_from_near(&view, 0.2).unwrap();
     assert_eq!(nothing_near.at(place(3)), 255, "an obstacle that was seen from farther away");
 }
 
 #[test]
-fn a_range_sensor_of_any_name_is_compared_and_what_judges_by_colour_is_not() {
+fn a_range_sensor_of_any_name_is_compared_and_what_judges_by_appearance_is_not() {
     let rule = VoteRule { rise: 60, fall: 20, obstacle_fall: 20, max: 255, ground_max: 80 };
-    let radar = Source::new("radar").unwrap();
-    let voted = [(DVec2::new(0.2, 0.2), radar), (DVec2::new(1.0, 0.2), Source::COLOR)];
+    let [radar, texture] = ["radar", "texture"].map(|name| Source::new(name).unwrap());
+    let voted = [
+        (DVec2::new(0.2, 0.2), radar),
+        (DVec2::new(1.0, 0.2), Source::COLOR),
+        (DVec2::new(1.8, 0.2), texture),
+    ];
     let mut world = Map::new(0.4).unwrap();
     world.recentre(DVec2::ZERO).unwrap();
     for (place, source) in voted {
@@ -195,13 +199,15 @@ fn a_range_sensor_of_any_name_is_compared_and_what_judges_by_colour_is_not() {
         world.vote(cell, source, 250, 1, Stamp(1), rule);
     }
     let sources = voted.map(|(_, source)| source).into_iter().collect();
-    let options = MapOptions { sources, heights: true, weights: Weights::default() };
+    // The message says by which model a learned source judged.
+    let learned = Weighted { source: texture, weight: 1.0, kind: SourceKind::Learned };
+    let options = MapOptions { sources, heights: true, weights: std::iter::once(learned).collect() };
     let message = world.to_grid("local", Stamp(1), &options);
     let view = GridView::new(&message).unwrap();
     let mut costs = Vec::new();
-    fuse_grid(&view, &by_shape(), &mut costs).unwrap();
+    fuse_grid(&view, &by_shape(&view), &mut costs).unwrap();
     let compared = Rectangle::with(&view, costs);
-    assert_eq!(voted.map(|(place, _)| compared.at(place)), [250, UNKNOWN_COST]);
+    assert_eq!(voted.map(|(place, _)| compared.at(place)), [250, UNKNOWN_COST, UNKNOWN_COST]);
 }
 
 #[test]

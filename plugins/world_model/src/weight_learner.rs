@@ -4,14 +4,18 @@
 //! It compares what each source had said of cells with what they turned out to be ([`rcs_world::Experience`]), and fits
 //! the weights to half of that. New weights are sent if they do better on the other half, too, and never differ from the
 //! parameters of the world model by more than a factor. Each change is a message that says why. Where the parameters say
-//! that it does not adjust, the message says which weights would be better, and has those of the parameters.
+//! that it does not adjust, the message says which weights would be better, and has those of the parameters. Where the
+//! local frame begins again, what was said of cells before is forgotten, and what was learned stays.
 
 use crate::proto::{FusionWeight, FusionWeights, WeightLearnerParams, WorldModelParams};
 use crate::sources::Listed;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_world::{Experience, Fit, FitRules, GridView, Judged, Outcome, Weights, fit};
+use rcs_sense::FrameWatch;
+use rcs_world::{
+    Experience, Fit, FitRules, GridView, GridViewError, Judged, Outcome, Weights, fit, never_sure,
+};
 use serde::{Deserialize, Serialize};
 
 /// Length of the stretches of time on which weights are fitted and checked in turn, s.
@@ -33,11 +37,22 @@ struct Learned {
     given: Weights,
     now: Weights,
     experience: Experience,
+    /// Of the middles of the maps.
+    frame: FrameWatch,
 }
 
 impl Learned {
     fn new(given: Weights) -> Learned {
-        Learned { experience: Experience::new(&given), now: given.clone(), given }
+        let (experience, frame) = (Experience::new(&given), FrameWatch::default());
+        Learned { now: given.clone(), given, experience, frame }
+    }
+
+    /// Looks at a map. Where its middle leapt, the local frame has begun again.
+    fn take(&mut self, view: &GridView<'_>, time: Stamp) -> Result<(), GridViewError> {
+        if self.frame.leap_m(view.middle(), time).is_some() {
+            self.experience.forget_maps();
+        }
+        self.experience.take(view, time)
     }
 
     /// The weights that the world model uses: the better ones if the process adjusts them, else those of its parameters.
@@ -121,7 +136,7 @@ impl Process for WeightLearner {
             };
         };
         let taken = match GridView::of(map.message()) {
-            Ok(view) => learned.experience.take(&view, map.acq_time()),
+            Ok(view) => learned.take(&view, map.acq_time()),
             Err(error) => Err(error),
         };
         if let Err(error) = taken {
@@ -142,7 +157,11 @@ impl Process for WeightLearner {
                 Ok(None) => {
                     format!("no better weights for {} judgements", learned.experience.samples().len())
                 }
-                Err(why) => format!("too little experience: {why}"),
+                Err(why) => {
+                    let cause = cx.latest(&ports.params).and_then(|params| never_sure(params.message()));
+                    let cause = cause.map_or_else(String::new, |cause| format!("; {cause}"));
+                    format!("too little experience: {why}{cause}")
+                }
             };
         }
         match self.text.as_str() {
@@ -222,4 +241,38 @@ fn send(
         seen,
     };
     cx.write(&ports.weights, now, message);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_geom::DVec2;
+    use rcs_world::{Map, MapMessage, MapOptions, Source, SourceKind, VoteRule, Weighted};
+
+    /// The number of samples from two maps, 1 s apart, whose middles are so far apart, m. Colour judges a cell that both
+    /// have, and then the bumper says that it was driven over.
+    fn samples(apart_m: f64) -> usize {
+        let kinds = [(Source::COLOR, SourceKind::Learned), (Source::BUMPER, SourceKind::Override)];
+        let weights: Weights =
+            kinds.into_iter().map(|(source, kind)| Weighted { source, weight: 1.0, kind }).collect();
+        let sources = kinds.into_iter().map(|(source, _)| source).collect();
+        let options = MapOptions { sources, heights: false, weights: weights.clone() };
+        let mut learned = Learned::new(weights);
+        for (second, middle_m, source) in [(1, 0.0, Source::COLOR), (2, apart_m, Source::BUMPER)] {
+            let mut map = Map::new(0.2).unwrap();
+            map.recentre(DVec2::new(middle_m, 0.0));
+            let cell = map.grid().cell_at(DVec2::new(0.5 * apart_m, 0.1)).unwrap();
+            map.vote(cell, source, 0, 1, Stamp(1), VoteRule::default());
+            let time = Stamp(second * 1_000_000_000);
+            let message = MapMessage::new(map, "local", time, options.clone());
+            learned.take(&GridView::of_map(&message), time).unwrap();
+        }
+        learned.experience.samples().len()
+    }
+
+    #[test]
+    fn what_was_said_before_the_local_frame_began_again_is_no_judgement_of_the_ground_there_now() {
+        assert_eq!(samples(2.0), 1);
+        assert_eq!(samples(30.0), 0);
+    }
 }

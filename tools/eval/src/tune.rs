@@ -11,8 +11,9 @@ use rcs_msg::foxglove::Grid;
 use rcs_msg::params::with_params;
 use rcs_msg::{AnyMessage, Stamp, schema_of};
 use rcs_runtime::{Plan, ProcessPlan, RunOptions, Stepped};
+use rcs_sense::FrameWatch;
 use rcs_world::{Experience, Fit, FitRules, GridView, Judged, MapMessage, Samples, SourceKind, Weighted};
-use rcs_world::{Weights, fit, weight_field, weights_of};
+use rcs_world::{Weights, fit, never_sure, weight_field, weights_of};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
@@ -92,21 +93,30 @@ pub struct Tuned {
 pub fn tune(job: &Job<'_>, log: &Log) -> Result<Tuned, EvalError> {
     let (process, weights) = weighted(job)?;
     let buffer = map_of(&job.plan, process)?;
-    let mut maps = Maps { experience: Experience::new(&weights), count: 0 };
+    let mut maps = Maps { experience: Experience::new(&weights), frame: FrameWatch::default(), count: 0 };
     let is_recorded = log.info().topics_named(buffer).next().is_some();
     if is_recorded && !job.runs {
         maps.read(log, buffer)?;
     } else {
         maps.run(job, log, buffer)?;
     }
-    let Maps { experience, count } = maps;
+    let Maps { experience, count, .. } = maps;
     if count == 0 {
         return Err(EvalError::nothing(format!("there is no message of {buffer}")));
     }
     let [ours, others] = experience.samples().split(STRETCH_S);
-    let fitted = fit(&ours, &weights, &FitRules::default())
-        .map_err(|why| EvalError::nothing(format!("{buffer} holds too little experience: {why}")))?;
+    let fitted = fit(&ours, &weights, &FitRules::default()).map_err(|why| {
+        EvalError::nothing(format!("{buffer} holds too little experience: {}", with_cause(why, process)))
+    })?;
     report(process, count, &weights, &fitted, [experience.samples(), &others])
+}
+
+/// Why experience does not suffice, and the cause where a longer drive does not help.
+fn with_cause(why: String, process: &ProcessPlan) -> String {
+    match never_sure(&process.params) {
+        Some(cause) => format!("{why}; {cause}"),
+        None => why,
+    }
 }
 
 /// The process, and its weights.
@@ -140,6 +150,8 @@ fn map_of<'a>(plan: &'a Plan, process: &ProcessPlan) -> Result<&'a str, EvalErro
 /// The maps of a drive.
 struct Maps {
     experience: Experience,
+    /// Of the middles of the maps.
+    frame: FrameWatch,
     count: u64,
 }
 
@@ -181,6 +193,9 @@ impl Maps {
         let decoded = if message.source::<MapMessage>().is_some() { None } else { message.to::<Grid>() };
         let view = decoded.as_ref().map_or_else(|| GridView::of(message), GridView::new).map_err(told)?;
         self.count += 1;
+        if self.frame.leap_m(view.middle(), time).is_some() {
+            self.experience.forget_maps();
+        }
         self.experience.take(&view, time).map_err(told)
     }
 }
@@ -193,7 +208,7 @@ fn report(
     [all, others]: [&Samples; 2],
 ) -> Result<Tuned, EvalError> {
     let checked = Compared { before: others.judge(weights), after: others.judge(&fit.weights) };
-    let unchecked = others.suffice().err();
+    let unchecked = others.suffice().err().map(|why| with_cause(why, process));
     let is_better = unchecked.is_none() && checked.after.loss < checked.before.loss;
     let kept = !fit.changes.is_empty() && is_better;
     let of = |entry: Weighted| WeightReport {

@@ -164,6 +164,13 @@ pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     images
 }
 
+/// Whether an image goes with the recorded topic of this name, where one is both recorded and computed: a recorded image that
+/// the run computes, too, and any recorded image until the run has computed a message of the topic. Else it goes with the
+/// computed one.
+pub(super) fn takes_recorded(frame: &Frame, image: &Topic, name: &str) -> bool {
+    is_twin(frame, image) || (image.run.is_recorded() && !is_computed(frame, name))
+}
+
 /// A topic that can lie over an image.
 pub(super) struct Overlay<'a> {
     pub(super) topic: &'a Topic,
@@ -177,8 +184,7 @@ pub(super) struct Overlay<'a> {
 /// no image is of this camera where its name has more parts in common with that of the image than with those of all other
 /// cameras; so it is of the only camera, and of none where several have as many.
 ///
-/// Of one that is both recorded and computed, the recorded one lies on a recorded image that the run computes, too, and on
-/// any recorded image until the run has computed a message of it; else the computed one.
+/// Of one that is both recorded and computed, one is among them: see [`takes_recorded`].
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
     let lies_on = |topic: &Topic| match topic.metadata.get(OVERLAY_OF) {
         Some(name) => **name == *base.name,
@@ -189,9 +195,8 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<Overlay<'a>> {
     let can = |topic: &&Topic| (is_image(topic) || is_annotation(topic)) && lies_on(topic);
     let mut overlays: Vec<_> = frame.topics.iter().filter(can).filter(other).collect();
     let found: BTreeSet<_> = overlays.iter().map(|&topic| (&*topic.name, topic.run.is_recorded())).collect();
-    let is_twin = is_twin(frame, base);
     overlays.retain(|topic| {
-        let as_recorded = is_twin || (base.run.is_recorded() && !is_computed(frame, &topic.name));
+        let as_recorded = takes_recorded(frame, base, &topic.name);
         topic.run.is_recorded() == as_recorded || !found.contains(&(&*topic.name, as_recorded))
     });
     // Looking for cameras may convert messages, so that is done only where an overlay names no image.

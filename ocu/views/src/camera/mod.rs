@@ -23,7 +23,7 @@ use ocu_ui::{format, icons, legend, stale, tokens};
 use projected::{Prepared, Projected, Seen};
 use rcs_runtime::source::{Frame, Topic};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Size of a canvas below which it has no room for the name of a topic, screen points.
@@ -116,15 +116,18 @@ impl View for Camera {
     }
 }
 
-/// The cameras of a source, the most telling first: those with overlays where there are any, otherwise all.
+/// The cameras of a source, the most telling first: those with overlays where there are any, otherwise all. Of one that is
+/// both recorded and computed, that of the run.
 pub fn cameras(frame: &Frame) -> Vec<TopicKey> {
     let images: Vec<_> = layer::images(frame).into_iter().filter(|topic| layer::is_camera(topic)).collect();
     let is_lain_on = |image: &&Topic| {
         layer::overlays(frame, image).iter().any(|overlay| layer::lies_on(overlay.topic, image))
     };
     let with_overlays: Vec<_> = images.iter().copied().filter(|image| is_lain_on(image)).collect();
-    let chosen = if with_overlays.is_empty() { images } else { with_overlays };
-    chosen.into_iter().map(TopicKey::of).collect()
+    let mut chosen = if with_overlays.is_empty() { images } else { with_overlays };
+    let mut names = BTreeSet::new();
+    chosen.retain(|topic| names.insert(&*topic.name));
+    chosen.into_iter().map(|topic| TopicKey::of(frame.topic(&topic.name).unwrap_or(topic))).collect()
 }
 
 /// The image to show: the selected one, or the first where none is selected. No other one takes the place of a selected
@@ -285,7 +288,7 @@ impl Camera {
         badge::implausible(ui, canvas, "values", implausible);
         self.legends(ui, canvas, &shown);
         let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
-        let base = &shown[0].1;
+        let base = &shown[0];
         let place =
             pixel.zip(seen).and_then(|(pixel, seen)| self.place(ui.ctx(), cx.frame, base, pixel, seen));
         read_out(ui, canvas, rect, pixel, &shown, place.as_ref());
@@ -321,7 +324,7 @@ impl Camera {
         &self,
         ctx: &egui::Context,
         frame: &Frame,
-        base: &Layer,
+        (topic, base): &Shown<'_>,
         pixel: [f64; 2],
         seen: &Seen,
     ) -> Option<(HoverPoint, &'static str)> {
@@ -330,7 +333,7 @@ impl Camera {
             return None;
         }
         let mut depth_m = None;
-        if let Some(ranges) = projected::ranges(frame, base) {
+        if let Some(ranges) = projected::ranges(frame, topic, base) {
             depth_m = self.layer(ctx, ranges).ok().flatten().and_then(|layer| layer.value_m(part));
         }
         let how = if depth_m.is_some() { "by its range" } else { "if it is ground" };

@@ -396,14 +396,19 @@ pub(super) fn offered(seen: Option<&Seen>) -> Vec<Projected> {
     Projected::ALL.into_iter().filter(has).collect()
 }
 
-/// The image of ranges that was taken with this one: of the same camera, and acquired at the same time.
-pub(super) fn ranges<'a>(frame: &'a Frame, image: &Layer) -> Option<&'a Topic> {
-    let is_it = |topic: &&Topic| {
-        topic.role() == Some(Role::Depth)
-            && topic.acq_time() == Some(image.taken)
-            && layer::optical_frame(topic) == Some(&*image.optical_frame)
+/// The image of ranges that was taken with `layer`, an image of `topic`: of the same camera, acquired at the same time, and
+/// of the same source where it is both recorded and computed.
+pub(super) fn ranges<'a>(frame: &'a Frame, topic: &Topic, layer: &Layer) -> Option<&'a Topic> {
+    let is_it = |ranges: &&Topic| {
+        ranges.role() == Some(Role::Depth)
+            && ranges.acq_time() == Some(layer.taken)
+            && layer::optical_frame(ranges) == Some(&*layer.optical_frame)
     };
-    frame.topics.iter().filter(|topic| !topic.is_ground_truth()).find(is_it)
+    let is_of_other =
+        |ranges: &&Topic| ranges.run.is_recorded() != layer::takes_recorded(frame, topic, &ranges.name);
+    let taken = frame.topics.iter().filter(|ranges| !ranges.is_ground_truth()).filter(is_it);
+    // The first one of the same source, else the first one.
+    taken.min_by_key(is_of_other)
 }
 
 /// The calibration of an image: of those of its coordinate frame the one whose name is most like its own.
@@ -422,4 +427,41 @@ fn calibration<'a>(frame: &'a Frame, image: &Topic, optical: &str) -> Option<&'a
 fn likeness(a: &str, b: &str) -> usize {
     let [a, b] = [a, b].map(|name| name.trim_start_matches('/').bytes());
     a.zip(b).take_while(|(a, b)| a == b).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use rcs_msg::foxglove::RawImage;
+    use rcs_runtime::source::RunTag;
+    use std::sync::Arc;
+
+    #[test]
+    fn the_ranges_of_an_image_are_recorded_or_computed_as_the_image_is() {
+        let raw = RawImage {
+            frame_id: "camera".to_owned(),
+            width: 2,
+            height: 1,
+            encoding: "mono8".to_owned(),
+            step: 2,
+            data: vec![1, 2].into(),
+            ..RawImage::default()
+        };
+        let of_run = samples::topic("/camera/image", 5.0, 0.1, raw.clone());
+        let mut depth = samples::topic("/camera/depth", 5.0, 0.1, raw);
+        depth.metadata = Arc::new([("rcs.role".to_owned(), "depth".to_owned())].into());
+        let [recorded, recorded_depth] = [&of_run, &depth].map(|topic| {
+            let mut topic = topic.clone();
+            topic.run = RunTag::Recorded;
+            topic
+        });
+        let topics = [recorded.clone(), of_run.clone(), recorded_depth, depth];
+        let frame = Frame { topics: Arc::new(topics), ..samples::empty() };
+        for image in [recorded, of_run] {
+            let layer = layer::layer(&Context::default(), &image, MapPalette::default(), 0.001);
+            let found = ranges(&frame, &image, &layer.unwrap().unwrap());
+            assert_eq!(found.map(|topic| topic.run), Some(image.run));
+        }
+    }
 }

@@ -88,7 +88,7 @@ impl WaypointGenerator {
         let place = Barred { at: (at.x, at.y), ..Barred::from(place) };
         if self.bar(place, vehicle) {
             // The planners are told with the goal.
-            self.is_to_tell = true;
+            self.to_tell.goal = true;
         }
     }
 

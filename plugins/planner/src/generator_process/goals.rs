@@ -81,7 +81,7 @@ impl WaypointGenerator {
         if mission.goals.is_some() {
             self.told = None;
         }
-        self.is_to_tell = true;
+        self.to_tell.goal = true;
         self.search = None;
         // It is judged anew in this cycle.
         self.forbidden = None;
@@ -123,7 +123,7 @@ impl WaypointGenerator {
             true
         };
         if has_changed {
-            self.is_to_tell = true;
+            self.to_tell.goal = true;
         }
         self.search.as_ref().and_then(GoalSearch::target).unwrap_or(goal)
     }

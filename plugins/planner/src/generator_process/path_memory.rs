@@ -31,7 +31,7 @@ impl WaypointGenerator {
         self.slippery.clear();
         self.barred.retain(|place| !place.slipped);
         // The planners are told without them.
-        self.is_to_tell = true;
+        self.to_tell.goal = true;
         let Ok(origin) = self.given.origin(params) else { return };
         let now = cx.now();
         self.slips_sent = Some(now);
