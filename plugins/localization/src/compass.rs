@@ -5,12 +5,15 @@ use rcs_msg::foxglove::{Pose, Vector3};
 use rcs_msg::rcs::Imu;
 use rcs_sense::pose_of;
 
-/// Heading at the start and its variance, rad and rad²: from the sensor, if it states one, or from the parameters.
-pub(crate) fn start_heading(imu: &Imu, compass_rad: Option<f64>, params: &LocalizationParams) -> (f64, f64) {
+/// Heading at the start and its variance, rad and rad²: from the sensor, if it states one, else this one, `unstated_rad`.
+pub(crate) fn start_heading(
+    imu: &Imu,
+    compass_rad: Option<f64>,
+    unstated_rad: f64,
+    params: &LocalizationParams,
+) -> (f64, f64) {
     let deviation = params.start_heading_noise_deg.to_radians();
-    let Some(heading_rad) = compass_rad else {
-        return (params.start_heading_deg.to_radians(), deviation * deviation);
-    };
+    let Some(heading_rad) = compass_rad else { return (unstated_rad, deviation * deviation) };
     let stated = imu.orientation_covariance.get(8).copied().filter(|v| v.is_finite() && *v > 0.0);
     (heading_rad, stated.unwrap_or(deviation * deviation))
 }

@@ -10,7 +10,8 @@
 //! many are refused nevertheless, the estimate is wrong, and restarts from them.
 
 use crate::planar::{Fix, MotionNoise, Planar};
-use glam::DVec2;
+use glam::{DMat3, DVec2, DVec3};
+use rcs_geom::wrap_angle;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
@@ -126,6 +127,27 @@ impl GlobalEstimate {
     /// The wheels slip: for the next metres the estimate follows the fixes, and on, as long as they pull it back.
     pub fn follow(&mut self) {
         (self.follows_m, self.pulled_m) = (FOLLOWS_M, 0.0);
+    }
+
+    /// Whether these are numbers that can be: see [`Planar::is_sound`].
+    pub fn is_sound(&self) -> bool {
+        let lift = [self.lift_m, self.lift_variance];
+        let ways = [self.rolled_m, self.slipped, self.follows_m, self.pulled_m];
+        let is_finite = lift.iter().chain(&self.heading).chain(&ways).all(|number| number.is_finite());
+        is_finite && self.planar.as_ref().is_none_or(Planar::is_sound)
+    }
+
+    /// Nothing has followed the vehicle for a while. It may have been moved by a distance with this standard deviation, m, and
+    /// has turned by an angle, rad, that is known with this variance, rad².
+    pub fn lose(&mut self, moved_m: f64, turn_rad: f64, turn_variance: f64) {
+        let variance = moved_m * moved_m;
+        if let Some(planar) = &mut self.planar {
+            planar.yaw_rad = wrap_angle(planar.yaw_rad + turn_rad);
+            planar.covariance += DMat3::from_diagonal(DVec3::new(variance, variance, turn_variance));
+        }
+        self.heading[0] += turn_rad;
+        self.heading[1] += turn_variance;
+        self.lift_variance += variance;
     }
 
     /// Advances the estimate by a step ahead, m, and a turn, rad, within a time, s.

@@ -9,6 +9,9 @@ use glam::{DMat3, DVec2, DVec3};
 use rcs_geom::wrap_angle;
 use serde::{Deserialize, Serialize};
 
+/// Greatest distance from the origin of a frame, m: UTM coordinates differ by no more.
+const FARTHEST_M: f64 = 1e7;
+
 /// Position and heading.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Planar {
@@ -48,6 +51,14 @@ impl Planar {
     pub fn new(at: DVec2, yaw_rad: f64, variance: f64, yaw_variance: f64) -> Planar {
         let covariance = DMat3::from_diagonal(DVec3::new(variance, variance, yaw_variance));
         Planar { at, yaw_rad, covariance }
+    }
+
+    /// Whether these are numbers that can be: finite, not too far from the origin, and without negative variances.
+    pub fn is_sound(&self) -> bool {
+        let covariance = &self.covariance;
+        let least = covariance.x_axis.x.min(covariance.y_axis.y).min(covariance.z_axis.z);
+        let is_placed = self.at.length() <= FARTHEST_M && self.yaw_rad.is_finite();
+        is_placed && covariance.is_finite() && least >= 0.0
     }
 
     /// Advances the state by a step ahead, m, and a turn, rad, within a time, s.

@@ -1,10 +1,12 @@
 //! The process `localization`: reads the sensors, and sends the local and the global estimate. Its port table is in
 //! the crate's documentation.
 
+mod before;
 mod clocks;
 mod inputs;
 mod output;
 
+use self::before::Before;
 use self::clocks::SensorClock;
 use self::output::way_slip;
 use crate::attitude::Attitude;
@@ -29,6 +31,8 @@ pub struct Localization {
     local: Option<Planar>,
     height_m: f64,
     global: GlobalEstimate,
+    /// Both estimates as they were before `INIT`.
+    before: Option<Before>,
     /// Origin of the global frame: of the world file, or the first of the fixes with which the global estimate began.
     origin: Option<Origin>,
     /// Place of a fix that waits for a second one.
@@ -144,6 +148,21 @@ impl Process for Localization {
         Self { origin: Origin::from_toml(&params.world).ok(), ..Self::default() }
     }
 
+    /// Both estimates go on where they were, because other processes know places in both frames. With another world file, all
+    /// begins anew: the global frame is another one.
+    fn renew(&self, params: &LocalizationParams) -> Self {
+        let new = Self::new(params);
+        let is_same_frame = new.origin.is_none() || new.origin == self.origin;
+        let Some(before) = Before::of(self).filter(|_| is_same_frame) else { return new };
+        Self { before: Some(before), height_m: self.height_m, origin: self.origin, ..new }
+    }
+
+    /// The vehicle may still roll out: the estimates follow it, and are sent from `RUN` on.
+    fn init(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) {
+        self.read_sensors(ports, params, cx);
+        cx.done("initialized");
+    }
+
     fn cycle(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) {
         let is_frozen = self.estimate(ports, params, cx);
         let now = cx.now();
@@ -170,6 +189,22 @@ impl Localization {
     /// Reads all sensors, and sends both estimates. Returns whether the position stands still for want of encoders; then
     /// nothing is sent, so that readers see its age.
     fn estimate(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) -> bool {
+        let newest = self.read_sensors(ports, params, cx);
+        // Every way is counted at a reading of the encoders, also that of a radar.
+        let is_frozen = self.counted.is_some_and(|at| cx.now().seconds_since(at) > params.input_timeout_s);
+        if let Some(time) = newest.filter(|_| !is_frozen) {
+            self.publish(time, ports, params, cx);
+        }
+        is_frozen
+    }
+
+    /// Reads all sensors. Returns the time of the newest reading of inertial sensor and encoders.
+    fn read_sensors(
+        &mut self,
+        ports: &Ports,
+        params: &LocalizationParams,
+        cx: &mut Cycle<'_>,
+    ) -> Option<Stamp> {
         let now = cx.now();
         let mut newest = None;
         while let Some(imu) = cx.read(&ports.imu) {
@@ -216,11 +251,6 @@ impl Localization {
                 cx.fault(format!("{error}; fix skipped"));
             }
         }
-        // Every way is counted at a reading of the encoders, also that of a radar.
-        let is_frozen = self.counted.is_some_and(|at| now.seconds_since(at) > params.input_timeout_s);
-        if let Some(time) = newest.filter(|_| !is_frozen) {
-            self.publish(time, ports, params, cx);
-        }
-        is_frozen
+        newest
     }
 }

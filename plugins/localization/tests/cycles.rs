@@ -273,6 +273,91 @@ fn what_is_rolled_and_turned_while_halted_is_followed() {
     assert!((north_m - 1.0).abs() < 0.02, "{north_m}");
 }
 
+/// A vehicle that has stood for a second, heading north, and drives ahead at 1 m/s.
+struct Drive {
+    bench: Bench,
+    way_m: f64,
+}
+
+impl Drive {
+    fn start() -> Drive {
+        let params = [("localization.start_heading_deg", "90")];
+        let bench = Setup::new(STACK, &[ProcessType::of::<Localization>()]).params(&params).bench();
+        let mut drive = Drive { bench, way_m: 0.0 };
+        drive.bench.cycles(20, 1);
+        for _ in 0..50 {
+            stand(&mut drive.bench, imu(0.0));
+        }
+        drive
+    }
+
+    /// Drives on for a number of cycles of 20 ms.
+    fn on(&mut self, cycles: u32, has_fixes: bool) {
+        for cycle in 0..cycles {
+            self.way_m += 0.02;
+            if has_fixes && cycle % 10 == 5 {
+                self.bench.write("/operator/gps", fix(self.way_m, 1.0));
+            }
+            self.bench.write("/operator/encoders", rolled(self.way_m));
+            self.bench.write("/operator/imu", imu(0.0));
+            self.bench.cycles(20, 1);
+        }
+    }
+
+    fn order(&mut self, name: &str) {
+        let serial = 100 + self.bench.now_ms;
+        let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
+        self.bench.write("/localization/command", command);
+    }
+
+    /// How far north of where the vehicle has driven both estimates are, m, and the standard deviation of the global one, m.
+    fn off_m(&self) -> [f64; 3] {
+        let off_m = |buffer: &str| estimate(&self.bench, buffer)[0] - self.way_m;
+        let global: Odometry = self.bench.latest("/localization/global");
+        [off_m("/localization/local"), off_m("/localization/global"), global.pose_covariance[7].sqrt()]
+    }
+}
+
+#[test]
+fn after_init_both_frames_go_on_with_fixes_and_without() {
+    for has_fixes in [true, false] {
+        let mut drive = Drive::start();
+        drive.on(1000, true);
+        drive.on(50, has_fixes);
+        let before = drive.off_m();
+        let sent = drive.bench.sent("/localization/local");
+        drive.order("INIT");
+        drive.on(10, has_fixes);
+        assert_eq!(drive.bench.sent("/localization/local"), sent, "it is sent from RUN on");
+        drive.order("RUN");
+        drive.on(50, has_fixes);
+        let after = drive.off_m();
+        let changed_m = [0, 1, 2].map(|at| (after[at] - before[at]).abs());
+        assert!(changed_m.iter().all(|&changed_m| changed_m < 0.3), "{before:?} {after:?}");
+        let odometry: Odometry = drive.bench.latest("/localization/local");
+        let pose = pose_of(odometry.pose.as_ref(), "vehicle").unwrap();
+        assert!((pose.yaw() - std::f64::consts::FRAC_PI_2).abs() < 0.01, "{}", pose.yaw());
+        assert_eq!(drive.bench.faults("localization"), (0, String::new()));
+    }
+}
+
+#[test]
+fn where_nothing_followed_the_vehicle_before_init_its_position_is_hardly_known_until_there_is_a_fix() {
+    let mut drive = Drive::start();
+    drive.on(1000, true);
+    // As after a panic.
+    drive.bench.cycles(20, 100);
+    drive.order("INIT");
+    drive.on(10, false);
+    drive.order("RUN");
+    drive.on(10, false);
+    let [local_m, global_m, deviation_m] = drive.off_m();
+    assert!(local_m.abs() < 0.3 && global_m.abs() < 0.5 && deviation_m > 5.0, "{:?}", drive.off_m());
+    drive.on(50, true);
+    let [local_m, global_m, deviation_m] = drive.off_m();
+    assert!(local_m.abs() < 0.3 && global_m.abs() < 0.5 && deviation_m < 4.0, "{:?}", drive.off_m());
+}
+
 #[test]
 fn an_inertial_sensor_that_begins_late_gives_the_heading_at_the_start() {
     for (moved_m, expected_rad) in [(0.0, 1.0), (1.0, 0.0)] {

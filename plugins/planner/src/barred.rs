@@ -40,6 +40,8 @@ const BEFORE_M: f64 = 0.5;
 const SAME_PLACE_M: f64 = 2.5;
 /// Greatest length of a track that the wheels measured on the spot, m.
 const LONGEST_M: f64 = 40.0;
+/// Points of a track that lie farther apart than this, m, were not driven: the position fixes have jumped.
+const LONGEST_STEP_M: f64 = 5.0;
 
 impl Barred {
     /// The place ahead of a vehicle on which its wheels slip.
@@ -94,12 +96,16 @@ pub fn is_covered(place: &Barred, vehicle: DVec2, before: &[Barred]) -> bool {
 }
 
 /// Whether the last point of a track is where the track was before, although the wheels have turned since: the index of
-/// that point, and the way that they have measured since, m. Points in the global frame, m.
+/// that point, and the way that they have measured since, m. Points in the global frame, m. Fixes that have jumped since
+/// then have jumped back: that tells nothing of the wheels.
 pub fn turned_on_the_spot(track: &[DVec2]) -> Option<(usize, f64)> {
     let (&now, before) = track.split_last()?;
     let at = before.iter().rposition(|point| point.distance(now) <= SAME_PLACE_M)?;
-    let rolled_m = crate::route::length_m(&before[at..]);
-    (rolled_m > SAME_PLACE_M && rolled_m <= LONGEST_M).then_some((at, rolled_m))
+    let since = &before[at..];
+    let have_jumped = since.windows(2).any(|pair| pair[0].distance(pair[1]) > LONGEST_STEP_M);
+    let rolled_m = crate::route::length_m(since);
+    let is_on_the_spot = rolled_m > SAME_PLACE_M && rolled_m <= LONGEST_M && !have_jumped;
+    is_on_the_spot.then_some((at, rolled_m))
 }
 
 #[cfg(test)]
@@ -120,6 +126,9 @@ mod tests {
         assert_eq!(turned_on_the_spot(&fixed(29.0, 0.0)), None, "within the noise");
         let far = [straight(100), vec![DVec2::ZERO]].concat();
         assert_eq!(turned_on_the_spot(&far), None, "too long ago");
+        let and_back = [42.0, 43.0, 31.0].map(|x_m| DVec2::new(x_m, 0.0)).to_vec();
+        let jumped = [straight(31), and_back].concat();
+        assert_eq!(turned_on_the_spot(&jumped), None, "the fixes jumped ahead, and back");
         assert_eq!(turned_on_the_spot(&[]), None);
     }
 

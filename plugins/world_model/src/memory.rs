@@ -60,6 +60,12 @@ pub enum MemoryError {
         /// Northing of the corner, m.
         northing_m: f64,
     },
+    /// The local frame has jumped in the global one, as after a jump of the position fixes.
+    #[error("the local frame has jumped by {by_m:.1} m in the global one")]
+    Jumped {
+        /// How far, where the vehicle is, m.
+        by_m: f64,
+    },
     /// A rectangle has too many cells.
     #[error("the map would have {columns} by {rows} cells, expected at most {MOST_CELLS} in all")]
     Large {

@@ -1,6 +1,7 @@
 //! The process `map_memory`: a world model's map of an earlier run, registered against this one, and the map to save. Its
 //! port table is in the crate's documentation.
 
+mod jump;
 mod output;
 mod own;
 mod track;
@@ -36,13 +37,17 @@ const DOUBT: f64 = 0.7;
 const ELSEWHERE_M: f64 = 100.0;
 /// Time without a way to the goal after which the remembered map is not believed any more, s.
 const NO_WAY_S: f64 = 5.0;
+/// A goal farther than this from the one before is another one, m: the search for a goal moves it by less.
+const ANOTHER_GOAL_M: f64 = 5.0;
 
 /// State: the frames, the track, where the remembered map lies, and what was sent when.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MapMemoryKeeper {
     frames: Localizer,
-    /// Why the remembered map is not used until the next start or another map, if so.
+    /// Why the remembered map is not used until the next start, another map or another goal, if so.
     dropped: Option<String>,
+    /// The goal to which it leaves no way, global frame, m, if that is the reason.
+    closed_to: Option<DVec2>,
     /// Since when the plan has found no way with the remembered map.
     no_way: Option<Stamp>,
     /// Where the vehicle was, local frame, m.
@@ -78,6 +83,8 @@ pub struct MapMemoryKeeper {
     unsaved: Option<String>,
     /// When it was told to forget what this run has seen: maps that came before are not saved.
     cleared: Option<Stamp>,
+    /// Whether the local frame has jumped in the global one since the map was saved.
+    jump: jump::JumpWatch,
     kept: Kept,
     text: String,
     /// Fingerprint of the remembered map of the parameters, to which all of this belongs.
@@ -93,6 +100,8 @@ struct Now<'a> {
     /// Position in the local frame, m.
     vehicle: DVec2,
     global_from_local: &'a Pose,
+    /// How far the local frame has jumped in the global one, m, if it has.
+    jumped_m: Option<f64>,
 }
 
 impl Now<'_> {
@@ -188,9 +197,23 @@ impl Process for MapMemoryKeeper {
         Self::default()
     }
 
-    /// What was stated to the world model is taken back or replaced.
+    /// What was stated to the world model is taken back or replaced. What this run has seen is kept: the local frame goes on,
+    /// and one that begins anew is seen by its leap.
     fn renew(&self, params: &MapMemoryParams) -> Self {
-        Self { sent: self.sent, saved_in: self.saved_in, ..Self::new(params) }
+        Self {
+            sent: self.sent,
+            saved_in: self.saved_in,
+            own: self.own.clone(),
+            track: self.track.clone(),
+            recent: self.recent.clone(),
+            frame_watch: self.frame_watch,
+            leapt: self.leapt,
+            cleared: self.cleared,
+            jump: self.jump,
+            kept: self.kept.clone(),
+            used: self.used,
+            ..Self::new(params)
+        }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) {
@@ -226,6 +249,7 @@ impl Process for MapMemoryKeeper {
         let Ok(origin) = Origin::from_toml(&params.world) else {
             return cx.error("world: expected a file with the [origin] of the global frame");
         };
+        let jumped_m = self.jump.jumped_m(&global_from_local, vehicle, cx.now());
         let cleared = self.cleared;
         let is_kept = |map: &Msg<Grid>| cleared.is_none_or(|cleared| map.header().log_time > cleared);
         // Asked to save, it takes the last map, also of a world model that is halted.
@@ -245,10 +269,9 @@ impl Process for MapMemoryKeeper {
                 return self.tell(cx);
             }
         };
-        let seen = Now { map: &view, vehicle, global_from_local: &global_from_local };
+        let seen = Now { map: &view, vehicle, global_from_local: &global_from_local, jumped_m };
         if is_new {
-            let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
-            self.look_for_a_way(is_closed, cx.now());
+            self.look_for_a_way(cx.latest(&ports.plan).as_deref(), &seen, cx.now());
             if let Err(error) = self.remember(ports, params, &seen, cx) {
                 cx.fault(format!("map: {error}; skipped"));
             }
@@ -293,6 +316,7 @@ impl MapMemoryKeeper {
         let used = fingerprint_of_texts(&[&params.memory, &params.world]);
         if self.used.replace(used).is_some_and(|before| before != used) {
             self.place(None);
+            self.closed_to = None;
             (self.settled, self.proposed, self.misfits, self.elsewhere) = (None, None, 0, 0);
             (self.dropped, self.no_way, self.own) = (None, None, None);
             self.text.clear();
@@ -314,6 +338,7 @@ impl MapMemoryKeeper {
 
     /// Forgets the remembered map and what would be saved; the next map is saved at once, without it.
     fn clear(&mut self, now: Stamp) {
+        self.closed_to = None;
         self.cleared = Some(now);
         self.dropped = Some("the remembered map is cleared".to_owned());
         (self.kept, self.leapt, self.saved) = (Kept::default(), None, None);
@@ -322,12 +347,28 @@ impl MapMemoryKeeper {
         self.recent.clear();
     }
 
-    /// Drops a remembered map with which there is no way to the goal: there was one to remember.
-    fn look_for_a_way(&mut self, is_closed: bool, now: Stamp) {
+    /// Drops a remembered map with which there is no way to the goal: there was one to remember. With another goal, it is used
+    /// again.
+    fn look_for_a_way(&mut self, plan: Option<&Plan>, seen: &Now<'_>, now: Stamp) {
+        let is_closed = plan.is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
+        // Other plans may have none.
+        let with_goal = plan.filter(|plan| is_closed || plan.state() == PlanState::PlanPath);
+        let goal = with_goal.map(|plan| seen.to_global(DVec2::new(plan.goal_x_m, plan.goal_y_m)));
+        if self.closed_to.zip(goal).is_some_and(|(closed, goal)| closed.distance(goal) > ANOTHER_GOAL_M) {
+            self.use_again();
+        }
         if !is_closed || self.placed.is_none() {
             self.no_way = None;
         } else if now.seconds_since(*self.no_way.get_or_insert(now)) >= NO_WAY_S {
             self.dropped = Some("the remembered map leaves no way to the goal: not used".to_owned());
+            self.closed_to = goal;
+        }
+    }
+
+    /// Uses a remembered map again that was dropped because it left no way to a goal.
+    fn use_again(&mut self) {
+        if self.closed_to.take().is_some() {
+            self.dropped = None;
         }
     }
 
@@ -344,7 +385,8 @@ impl MapMemoryKeeper {
             unusable => {
                 if let Some(why) = &self.dropped {
                     self.text.clone_from(why);
-                    self.settled = None;
+                    // One that leaves no way to this goal may leave one to the next: it is saved.
+                    self.settled = self.settled.filter(|_| self.closed_to.is_some());
                 } else if let Some(Err(why)) = unusable {
                     self.text = format!("{why}: not used");
                 }

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "memory/kept.rs"]
+mod kept;
+
 use glam::DVec2;
 use rcs_geom::{Pose, Utm};
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};

@@ -2,6 +2,7 @@
 //! of slip, and the global position from fixes.
 
 use super::Localization;
+use super::before::Before;
 use super::clocks::{ENCODERS, INERTIAL};
 use crate::attitude::{Attitude, AttitudeSettings};
 use crate::compass::{compass_rad, start_heading};
@@ -60,9 +61,10 @@ impl Localization {
         let begins = self.felt.is_none() || (self.awaits_compass && compass_rad.is_some());
         let is_first = begins && self.wheels.is_none_or(|wheels| !wheels.has_moved());
         let Some(attitude) = self.attitude.as_mut().filter(|_| !is_first) else {
-            let (yaw_rad, variance) = start_heading(imu, compass_rad, params);
+            let unstated_rad = self.unstated_heading_rad(params);
+            let (yaw_rad, variance) = start_heading(imu, compass_rad, unstated_rad, params);
             let before = self.attitude.take().filter(|_| self.awaits_compass);
-            self.begin(force, yaw_rad, variance);
+            self.begin(force, yaw_rad, variance, time);
             if let Some((attitude, before)) = self.attitude.as_mut().zip(before) {
                 attitude.keep_bias(&before);
             }
@@ -110,11 +112,21 @@ impl Localization {
         }
     }
 
-    fn begin(&mut self, force_mps2: DVec3, yaw_rad: f64, yaw_variance: f64) {
-        self.attitude = Some(Attitude::at_rest(force_mps2, yaw_rad));
-        // In its own frame the starting position is known exactly.
-        self.local = Some(Planar::new(DVec2::ZERO, yaw_rad, 0.0, 0.0));
-        self.global = GlobalEstimate::new(yaw_rad, yaw_variance);
+    /// Heading of a vehicle whose sensors state none, rad: the one before `INIT`, or that of the parameters.
+    fn unstated_heading_rad(&self, params: &LocalizationParams) -> f64 {
+        self.before.as_ref().map_or_else(|| params.start_heading_deg.to_radians(), Before::yaw_rad)
+    }
+
+    /// Begins the estimates with a reading of this time: with this heading, rad, and its variance, rad², or as they were
+    /// before `INIT`.
+    fn begin(&mut self, force_mps2: DVec3, yaw_rad: f64, yaw_variance: f64, time: Stamp) {
+        let (local, global) = match &mut self.before {
+            Some(before) => before.go_on(yaw_rad, yaw_variance, time),
+            // In its own frame the starting position is known exactly.
+            None => (Planar::new(DVec2::ZERO, yaw_rad, 0.0, 0.0), GlobalEstimate::new(yaw_rad, yaw_variance)),
+        };
+        self.attitude = Some(Attitude::at_rest(force_mps2, local.yaw_rad));
+        (self.local, self.global) = (Some(local), global);
     }
 
     /// Notes whether the wheels slip, and how fast the vehicle moves then.
@@ -182,7 +194,8 @@ impl Localization {
             }
             // A vehicle without inertial sensors is assumed level, and turns as its wheels report.
             let deviation = params.start_heading_noise_deg.to_radians();
-            self.begin(DVec3::Z, params.start_heading_deg.to_radians(), deviation * deviation);
+            let yaw_rad = self.unstated_heading_rad(params);
+            self.begin(DVec3::Z, yaw_rad, deviation * deviation, time);
         }
         let rolled_m = 0.5 * (wheels_m[0] + wheels_m[1]);
         let seen_share = self.grip.share(time, rolled_m);

@@ -1,7 +1,9 @@
 //! Where the wheels slipped is barred in the next run, too.
 
 use super::goal::register;
-use super::{FILES, cycle, drive, drive_ahead, free, global_at, path, place_local_frame, start, status};
+use super::{
+    FILES, cycle, drive, drive_ahead, free, global_at, path, place_local_frame, start, status, story,
+};
 use rcs_geom::{DVec2, Pose, Utm};
 use rcs_msg::rcs::ProcessState;
 use rcs_msg::{Stamp, rcs};
@@ -102,6 +104,27 @@ fn fixes_that_jump_back_along_the_track_stop_it_where_images_have_seen_it_move()
     assert_eq!(drive(&bench), (0.0, 0.0));
     let (state, text) = status(&bench, "generator");
     assert!(state == ProcessState::Error && text.starts_with("the goal has jumped by 6.0 m"), "{text}");
+    assert_eq!(sent(&bench), None, "nothing slipped");
+}
+
+#[test]
+fn fixes_that_jump_back_after_the_operator_has_accepted_their_jump_stop_it_and_nothing_has_slipped() {
+    let mut bench = start(&FILES);
+    drive_ahead(&mut bench, 4.0);
+    let jump = |bench: &mut Bench, by_m: f64| {
+        bench.write("/operator/global", global_at(6.0 + by_m));
+        place_local_frame(bench, 2.0 + by_m);
+        cycle(bench, 4.0, 0.0, free, 6);
+        assert_eq!(drive(bench), (0.0, 0.0));
+        let (state, text) = status(bench, "generator");
+        assert!(state == ProcessState::Error && text.starts_with("the goal has jumped by 12.0 m"), "{text}");
+    };
+    jump(&mut bench, 12.0);
+    let run = rcs::Command { serial: 100, name: "RUN".to_owned(), ..rcs::Command::default() };
+    bench.write("/generator/command", run);
+    cycle(&mut bench, 4.0, 0.0, free, 12);
+    assert_eq!(status(&bench, "generator").0, ProcessState::Exec, "{}", story(&bench));
+    jump(&mut bench, 0.0);
     assert_eq!(sent(&bench), None, "nothing slipped");
 }
 

@@ -116,6 +116,7 @@ impl MapMemoryKeeper {
         match self.gather(params, origin, &sensed, seen) {
             Ok(Some(saved)) => {
                 (self.asked, self.unsaved) = (false, None);
+                self.jump.begin(seen.global_from_local);
                 cx.write(&ports.memory, now, saved);
             }
             Ok(None) => {}
@@ -143,6 +144,10 @@ impl MapMemoryKeeper {
                 (None, Some(_)) => Ok(None),
                 (None, None) => parse(&params.memory),
             };
+        }
+        // It would lie where the fixes have jumped to, and not be found by the next run.
+        if let Some(by_m) = now.jumped_m {
+            return Err(MemoryError::Jumped { by_m });
         }
         let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
         let Some(saved) = self.kept.saved(old, now.global_from_local)? else { return Ok(None) };

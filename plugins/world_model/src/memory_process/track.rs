@@ -1,5 +1,6 @@
 //! Where the vehicle was, as the map memory knows it: the track along which the map is saved and compared.
 
+use super::jump::JumpWatch;
 use super::{MapMemoryKeeper, Ports};
 use crate::proto::MapMemoryParams;
 use crate::saved::Kept;
@@ -90,6 +91,8 @@ impl MapMemoryKeeper {
         self.recent.clear();
         self.place(None);
         (self.settled, self.proposed, self.elsewhere, self.no_way) = (None, None, 0, None);
+        self.jump = JumpWatch::default();
+        self.use_again();
     }
 
     /// Positions along which what is sensed is compared, to that of the vehicle, local frame, m.
