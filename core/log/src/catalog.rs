@@ -136,7 +136,7 @@ impl Catalog {
             .insert(id, Channel { id, schema_id: 0, topic, message_encoding, metadata: BTreeMap::new() });
     }
 
-    /// The topics with their message counts, in a log with this duration.
+    /// The topics with their message counts, in a log with this duration without its gaps.
     pub(crate) fn topics(&self, counts: &BTreeMap<u16, u64>, duration_s: f64) -> Vec<LogTopic> {
         let mut shared: BTreeMap<(u16, &str), Arc<Schema>> = BTreeMap::new();
         let mut topics = Vec::with_capacity(self.channels.len());

@@ -43,7 +43,7 @@ pub struct LogTopic {
     pub metadata: BTreeMap<String, String>,
     /// Number of readable messages.
     pub messages: u64,
-    /// Messages per second over the duration of the log; 0 for fewer than two messages or no duration.
+    /// Messages per second over the duration of the log without its gaps; 0 for fewer than two messages or no duration.
     pub hz: f64,
     /// Whether a reader exists for the schema.
     pub decodable: bool,

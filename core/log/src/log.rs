@@ -46,6 +46,8 @@ pub(crate) struct Inner {
     /// Segments by first time, and by last time; ties in file order.
     pub(crate) by_first: Vec<u32>,
     pub(crate) by_last: Vec<u32>,
+    /// For each place in `by_last`, the earliest first time of the segments from there on; ascending.
+    pub(crate) first_behind: Vec<u64>,
     /// The files of a log that is split.
     pub(crate) parts: Parts,
     catalog: Catalog,
@@ -155,9 +157,17 @@ impl Log {
             order
         };
         let (by_first, by_last) = (order(|segment| segment.first), order(|segment| segment.last));
+        let mut earliest = u64::MAX;
+        let behind = by_last.iter().rev().map(|&index| {
+            earliest = earliest.min(segments[index as usize].first);
+            earliest
+        });
+        let mut first_behind: Vec<u64> = behind.collect();
+        first_behind.reverse();
         let messages = counts.values().fold(0u64, |sum, count| sum.saturating_add(*count));
         let (start, end) = times(&catalog, &segments, recovered);
-        let duration_s = Stamp(end).seconds_since(Stamp(start));
+        let silent_ns = gaps.iter().fold(0u64, |sum, gap| sum.saturating_add(gap.to.0 - gap.from.0));
+        let recorded_s = end.saturating_sub(start).saturating_sub(silent_ns) as f64 * 1e-9;
         let info = LogInfo {
             path: source.path().to_owned(),
             files: source.files().map(|file| file.path().to_owned()).collect(),
@@ -168,7 +178,7 @@ impl Log {
             segments: segments.len() as u64,
             recovered,
             lost,
-            topics: catalog.topics(&counts, duration_s),
+            topics: catalog.topics(&counts, recorded_s),
             problems: problems.list(),
             verified,
             gaps,
@@ -178,7 +188,8 @@ impl Log {
         catalog.schemas.clear();
         let found = Mutex::new(Found { lost, problems, reported, reported_at: BTreeSet::new() });
         let cache = Cache::new(CACHE_BYTES);
-        let inner = Inner { source, info, segments, by_first, by_last, parts, catalog, cache, found };
+        let inner =
+            Inner { source, info, segments, by_first, by_last, first_behind, parts, catalog, cache, found };
         Self(Arc::new(inner), Arc::new([]))
     }
 

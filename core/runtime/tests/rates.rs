@@ -5,7 +5,12 @@
 mod common;
 
 use common::{seconds, write_log};
+use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::{Stamp, foxglove, schema_of};
 use rcs_runtime::source::{LogSource, Source, Task};
+use rcs_testkit::logs::SharedSink;
+use std::collections::BTreeMap;
+use std::path::Path;
 
 /// A recording of a topic with 20 Hz for ten seconds and then 1 Hz, and of another one that stops then.
 fn slower_and_silent() -> (LogSource, tempfile::TempDir) {
@@ -33,8 +38,65 @@ fn after_a_jump_a_topic_shows_the_rate_of_the_seconds_before_not_the_mean_of_the
     assert!((rate(40.0, "/slower") - 1.0).abs() < 0.01);
     assert!((rate(6.0, "/slower") - 20.0).abs() < 0.5);
     assert!((rate(50.0, "/slower") - 1.0).abs() < 0.01);
-    let mean = 200.0 / 59.0;
-    assert!((rate(55.0, "/silent") - mean).abs() < 0.5, "nothing came lately: the mean");
+    assert!((rate(55.0, "/silent") - 20.0).abs() < 0.5, "the rate of its last seconds");
+}
+
+/// The rates at a time after a jump from the end, and after reading on from the start in steps of a second.
+fn rates_both_ways(path: &Path, at_s: u32, topic: &str) -> [f64; 2] {
+    let [mut jumps, mut reads_on] = [(); 2].map(|()| LogSource::open(path).unwrap());
+    jumps.seek(Stamp::MAX, &Task::default()).unwrap();
+    for second in 0..at_s {
+        reads_on.seek(seconds(f64::from(second)), &Task::default()).unwrap();
+    }
+    [&mut jumps, &mut reads_on].map(|source| rate_hz(source, f64::from(at_s), topic))
+}
+
+#[test]
+fn a_topic_that_falls_silent_early_in_a_long_recording_keeps_its_rate() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let scans = (0..50).map(|i| (f64::from(i) * 0.1, "/scan", 0.0));
+    // Two publishers at the start, of what holds for all of the recording.
+    let maps = [(0.0, "/map", 0.0), (0.5, "/map", 0.0)];
+    let mut messages: Vec<_> = scans.chain(maps).collect();
+    messages.extend((0..600).map(|i| (f64::from(i), "/clock", 0.0)));
+    messages.sort_by(|a, b| a.0.total_cmp(&b.0));
+    write_log(&path, &messages);
+    for at_s in [8, 20, 35, 500] {
+        let [jumped, on] = rates_both_ways(&path, at_s, "/scan");
+        assert!((jumped - 10.0).abs() < 0.01, "at {at_s} s: {jumped} Hz");
+        assert_eq!(jumped, on, "at {at_s} s");
+    }
+    let mean = 2.0 / 599.0;
+    assert!(rates_both_ways(&path, 20, "/map").iter().all(|hz| (hz - mean).abs() < 1e-9));
+}
+
+#[test]
+fn the_last_messages_of_a_topic_are_found_behind_many_large_ones_of_another() {
+    let sink = SharedSink::default();
+    // Images fill a chunk each.
+    let options = WriterOptions { chunk_bytes: 1000, ..WriterOptions::default() };
+    let mut writer = LogWriter::with_sink(Box::new(sink.clone()), "memory".into(), options).unwrap();
+    let [scan, image] = ["/scan", "/image"]
+        .map(|topic| writer.add_channel(topic, schema_of::<foxglove::Vector3>(), &BTreeMap::new()).unwrap());
+    for index in 0..1000_u32 {
+        let log_time = seconds(f64::from(index) * 0.01);
+        let header = WriteHeader { sequence: index, log_time, publish_time: log_time };
+        writer.write(image, header, &[b' '; 2000]).unwrap();
+        if index % 10 == 0 && index < 500 {
+            writer.write(scan, header, &[]).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    let log = Log::from_bytes(sink.snapshot().into()).unwrap();
+    let [mut jumps, mut reads_on] = [(); 2].map(|()| LogSource::new(&log).unwrap());
+    for tenth in 0..90_u32 {
+        let at_s = f64::from(tenth) * 0.1 + 0.35;
+        jumps.seek(Stamp::MAX, &Task::default()).unwrap();
+        let [jumped, on] = [&mut jumps, &mut reads_on].map(|source| rate_hz(source, at_s, "/scan"));
+        assert!((jumped - 10.0).abs() < 0.01, "at {at_s} s: {jumped} Hz");
+        assert_eq!(jumped, on, "at {at_s} s");
+    }
 }
 
 #[test]

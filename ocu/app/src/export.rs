@@ -96,14 +96,15 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let mut problems: Vec<String> = all().filter_map(problem).collect();
     problems.sort_unstable();
     problems.dedup();
-    for problem in problems {
+    for problem in &problems {
         writeln!(out, "{problem}")?;
     }
     // Includes damage found while reading.
     for problem in log.problems() {
         writeln!(out, "{problem}")?;
     }
-    Ok(if log.problems().is_empty() { Ended::Well } else { Ended::Damaged })
+    let is_whole = problems.is_empty() && log.problems().is_empty();
+    Ok(if is_whole { Ended::Well } else { Ended::Damaged })
 }
 
 /// The fields of these formulas, each once.

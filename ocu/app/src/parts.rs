@@ -7,6 +7,10 @@ use std::path::{Path, PathBuf};
 /// names continue it; else the file alone. An error if one of them is there in compressed form only.
 pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
+        if path.ends_with("metadata.yaml") {
+            let text = format!("the file describes a bag of ROS 2; expected its folder: {}", path.display());
+            return Err(usage(text));
+        }
         return continued(path);
     }
     let entries = std::fs::read_dir(path).map_err(|error| usage(format!("{error}: {}", path.display())))?;
@@ -18,6 +22,7 @@ pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if let Some(file) = files.iter().filter(is_compressed).min() {
         return Err(compressed(file));
     }
+    let database = files.iter().filter(|file| is_database(file)).min().cloned();
     files.retain(|file| has_ending(file, "mcap"));
     let mut numbered: Vec<(Option<(String, u64)>, PathBuf)> =
         files.into_iter().map(|file| (number(&file), file)).collect();
@@ -26,7 +31,10 @@ pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let are_parts =
         numbered.windows(2).all(|pair| stem(&pair[0]).is_some() && stem(&pair[0]) == stem(&pair[1]));
     match numbered.len() {
-        0 => Err(usage(format!("the folder has no .mcap file: {}", path.display()))),
+        0 => Err(database.map_or_else(
+            || usage(format!("the folder has no .mcap file: {}", path.display())),
+            |database| unconverted(&database),
+        )),
         _ if !are_parts => Err(usage(format!(
             "the folder has several recordings; expected the parts of one, as NAME_0.mcap and NAME_1.mcap, or the path \
              of one of them: {}",
@@ -64,6 +72,20 @@ fn compressed(file: &Path) -> anyhow::Error {
     ))
 }
 
+/// Whether a file is named like a bag of ROS 2 in SQLite, compressed or not.
+fn is_database(file: &Path) -> bool {
+    has_ending(file, "db3") || (has_ending(file, "zstd") && has_ending(&file.with_extension(""), "db3"))
+}
+
+fn unconverted(database: &Path) -> anyhow::Error {
+    let unpacked = if has_ending(database, "zstd") { "`zstd -d` unpacks and " } else { "" };
+    usage(format!(
+        "the folder has no .mcap file, but an SQLite bag of ROS 2, which {unpacked}`mcap convert` (Foxglove's \
+         command-line tool) converts to one: {}",
+        database.display()
+    ))
+}
+
 /// Whether the name of a file has this ending, in capitals or not.
 pub(crate) fn has_ending(file: &Path, ending: &str) -> bool {
     file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
@@ -80,6 +102,24 @@ fn number(file: &Path) -> Option<(String, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_a_bag_in_sqlite_the_folder_says_how_it_is_converted_and_its_description_names_the_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = |path: &Path| of(path).unwrap_err().to_string();
+        let description = folder.path().join("metadata.yaml");
+        std::fs::write(&description, "").unwrap();
+        let told = error(&description);
+        assert!(told.contains("expected its folder: "), "{told}");
+        for (name, advice) in [
+            ("drive_0.db3.zstd", "which `zstd -d` unpacks and `mcap convert` (Foxglove's"),
+            ("drive_0.db3", "which `mcap convert` (Foxglove's"),
+        ] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+            let told = error(folder.path());
+            assert!(told.contains(advice) && told.ends_with(name), "{told}");
+        }
+    }
 
     #[test]
     fn a_folder_and_a_first_part_are_all_parts_in_order_and_another_file_is_itself() {

@@ -203,7 +203,7 @@ fn stereo_pair() -> (tempfile::TempDir, [String; 3]) {
 
 #[test]
 fn eval_stereo_measures_a_pair_against_its_truth() {
-    let (_dir, [left, right, truth]) = stereo_pair();
+    let (dir, [left, right, truth]) = stereo_pair();
     for (method, threads) in [("bm", 3), ("sgm", 1)] {
         let args = ["eval", "stereo", "--left", &left, "--right", &right, "--truth", &truth, "--json"];
         let more = ["--disparities", "16", "--threads", "3", "--method", method];
@@ -218,6 +218,13 @@ fn eval_stereo_measures_a_pair_against_its_truth() {
     }
     let (code, out, _) = ocu(&["eval", "stereo", "--left", &left, "--right", &right, "--json"]);
     assert_eq!((code, &json(&out)["bad2_valid_pct"]), (0, &serde_json::Value::Null));
+    // Cameras of machine vision write PGM.
+    let grey = image::open(&left).unwrap().to_luma8();
+    let pgm = dir.path().join("left.pgm");
+    std::fs::write(&pgm, [&b"P5\n96 48\n255\n"[..], grey.as_raw()].concat()).unwrap();
+    let (code, _, errors) =
+        ocu(&["eval", "stereo", "--left", text(&pgm), "--right", &right, "--truth", &truth]);
+    assert_eq!(code, 0, "{errors}");
 }
 
 #[test]
@@ -298,6 +305,19 @@ fn eval_plan_prints_an_object_of_exactly_the_agreed_keys_in_any_case() {
     }
     let (code, _, errors) = ocu(&["eval", "plan", "--map", &scen, "--scen", &map]);
     assert!(code == 2 && errors.contains("a.map.scen, line 1"), "{errors}");
+}
+
+#[test]
+fn eval_plan_names_the_line_of_a_scenario_whose_start_or_goal_is_blocked() {
+    let dir = tempfile::tempdir().unwrap();
+    let [map, scen] = ["a.map", "a.map.scen"].map(|name| text(&dir.path().join(name)).to_owned());
+    std::fs::write(&map, "type octile\nheight 3\nwidth 4\nmap\n..@.\n.T..\nG..S\n").unwrap();
+    let lines = ["version 1", "0 m 4 3 0 0 1 0 1", "0 m 4 3 1 1 0 1 1", "0 m 4 3 0 0 2 0 2"];
+    std::fs::write(&scen, lines.join("\n")).unwrap();
+    let (code, out, errors) = ocu(&["eval", "plan", "--map", &map, "--scen", &scen]);
+    assert_eq!((code, &json(&out)["solved"]), (0, &1.into()), "{out}{errors}");
+    assert!(errors.contains("a.map.scen, line 3: start (1, 1) is blocked; "), "{errors}");
+    assert!(errors.contains("2 of 3 scenarios"), "{errors}");
 }
 
 #[test]

@@ -5,6 +5,9 @@
 mod common;
 
 use common::{ocu, recording, text};
+use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::{Stamp, foxglove, schema_of};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 const X: &str = "/localization/local.pose.position.x";
@@ -80,6 +83,23 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
     assert_eq!(code, 0, "{errors}");
     let bytes = std::fs::read(&parquet).unwrap();
     assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"), "{} bytes", bytes.len());
+}
+
+#[test]
+fn messages_that_do_not_decode_are_told_with_the_reason_and_exit_code_3() {
+    let dir = tempfile::tempdir().unwrap();
+    let (log, csv) = (dir.path().join("broken.mcap"), dir.path().join("x.csv"));
+    let mut writer = LogWriter::create(&log, WriterOptions::default()).unwrap();
+    let channel = writer.add_channel("/a", schema_of::<foxglove::Vector3>(), &BTreeMap::new()).unwrap();
+    for time in 0..60 {
+        let header = WriteHeader { sequence: 0, log_time: Stamp(time), publish_time: Stamp(time) };
+        writer.write(channel, header, &[0xff]).unwrap();
+    }
+    writer.finish().unwrap();
+    let (code, told, errors) = ocu(&["export", text(&log), "--fields", "/a.x", "-o", text(&csv)]);
+    assert_eq!(code, 3, "{told}{errors}");
+    let reason = "/a.x: 60 messages do not decode, the first: got the end of the message";
+    assert!(told.contains(reason), "{told}");
 }
 
 #[test]

@@ -195,3 +195,31 @@ fn without_message_indexes_a_rare_topic_is_searched_for_once() {
         assert_eq!(candidates(), 1);
     }
 }
+
+#[test]
+fn the_times_before_a_moment_are_read_from_a_few_chunks_that_have_the_topic() {
+    let rare = (0..10).map(|i| (0, i * 100, 10));
+    let messages: Vec<(usize, u64, usize)> = rare.chain((0..100).map(|i| (1, 1000 + i, 150))).collect();
+    let log = Log::from_bytes(log_of(&messages, small_chunks(false))).unwrap();
+    let (topics, before) = (topic_ids(&log, &[0, 1]), Stamp(5000));
+    let [rare, often] = [&topics[..1], &topics[1..]];
+    let expected: Vec<Stamp> = (0..10).rev().map(|i| Stamp(i * 100)).collect();
+    assert_eq!(log.times_known_since(rare, before, Stamp(0)), Stamp(0));
+    assert_eq!(log.times_before(rare, before, Stamp(0)).unwrap(), expected);
+    assert_eq!(log.times_before(rare, Stamp(500), Stamp(300)).unwrap(), [Stamp(400), Stamp(300)]);
+    let since = log.times_known_since(often, before, Stamp(0));
+    let expected: Vec<Stamp> = (since.0..1100).rev().map(Stamp).collect();
+    assert!(since > Stamp(1080), "not all of its chunks are read: {since}");
+    assert_eq!(log.times_before(often, before, Stamp(0)).unwrap(), expected);
+}
+
+#[test]
+fn the_rate_of_a_topic_is_that_of_the_time_without_gaps() {
+    let set = 1_700_000_000_000_000_000;
+    let messages = (0..101).map(|i| (1, set + i * 100_000_000, 10));
+    let messages: Vec<(usize, u64, usize)> = std::iter::once((0, 0, 10)).chain(messages).collect();
+    let log = Log::from_bytes(log_of(&messages, WriterOptions::default())).unwrap();
+    let hz = log.info().topics_named("/1").next().unwrap().hz;
+    assert!((hz - 10.1).abs() < 1e-6, "{hz}");
+    assert_eq!(log.info().topics_named("/0").next().unwrap().hz, 0.0);
+}

@@ -1,4 +1,5 @@
-//! Compressed images: JPEG, PNG, GIF, BMP, WebP and TIFF, and depth as ROS's `compressed_depth_image_transport` writes it.
+//! Compressed images: JPEG, PNG, GIF, BMP, WebP, TIFF and PNM, and depth as ROS's `compressed_depth_image_transport`
+//! writes it.
 
 use super::{ImageError, MAX_PIXELS, MAX_SIDE, RgbImage, raw_to_rgb8, rvl};
 use crate::foxglove::{CompressedImage, RawImage};
@@ -93,7 +94,7 @@ fn decode(image: &CompressedImage) -> Result<DynamicImage, ImageError> {
         .map_err(|error| failed(error.to_string()))?;
     if reader.format().is_none() {
         let text = format!(
-            "its data are no JPEG, PNG, GIF, BMP, WebP or TIFF; the message states format {format:?}"
+            "its data are no JPEG, PNG, GIF, BMP, WebP, TIFF or PNM; the message states format {format:?}"
         );
         return Err(failed(text));
     }
@@ -191,7 +192,10 @@ mod tests {
         for (format, expect) in [
             ("h264", "got format \"h264\", which is video"),
             ("H265", "got format \"H265\", which is video"),
-            ("avif", "compressed image does not decode: its data are no JPEG, PNG, GIF, BMP, WebP or TIFF"),
+            (
+                "avif",
+                "compressed image does not decode: its data are no JPEG, PNG, GIF, BMP, WebP, TIFF or PNM",
+            ),
             ("16UC1; compressedDepth rvl", "compressed image does not decode: it has 0×0 pixels"),
         ] {
             let error = decompress(&image(format, vec![0; 60])).expect_err(format).to_string();
@@ -201,9 +205,9 @@ mod tests {
 
     #[test]
     fn each_format_without_loss_decodes() {
-        use ::image::ImageFormat::{Bmp, Png, Tiff, WebP};
+        use ::image::ImageFormat::{Bmp, Png, Pnm, Tiff, WebP};
         let pixel = ::image::RgbImage::from_pixel(1, 1, ::image::Rgb([1, 2, 3]));
-        for format in [Bmp, Png, Tiff, WebP] {
+        for format in [Bmp, Png, Pnm, Tiff, WebP] {
             let mut data = Cursor::new(Vec::new());
             pixel.write_to(&mut data, format).expect("it encodes");
             let decoded = compressed_to_rgb8(&image("", data.into_inner())).expect("it decodes");

@@ -71,7 +71,8 @@ pub struct Topic {
     pub writer: Arc<str>,
     /// Number of messages up to now (stack) or in total (log).
     pub messages: u64,
-    /// Messages per second over the last seconds before the newest message; `None` for fewer than two messages.
+    /// Messages per second over the last seconds before the newest message, or over the log where these have a single
+    /// one; `None` for fewer than two messages.
     pub hz: Option<f64>,
     /// Why its messages cannot be read; `None` if they can.
     pub undecodable: Option<Arc<str>>,

@@ -6,7 +6,7 @@ use super::events::{EventWatch, Events, is_event_type};
 use super::fields::{FieldSeries, LogFields, alike};
 use super::frame::{Topic, UPDATES};
 use super::hierarchy::WRITER_KEYS;
-use super::rates::{LastTimes, WINDOW_NS};
+use super::rates::LogRate;
 use super::run_tag::RunTag;
 use super::tracks::{Track, is_pose_type, is_transform_type};
 use super::transform_clock::TransformClock;
@@ -43,10 +43,8 @@ pub(crate) struct LogView {
     log: Log,
     /// Channels with one name whose messages are read alike are one topic.
     pub(crate) topics: Vec<Topic>,
-    /// The mean rate of each topic over the whole log; shown if there were fewer than two recent messages.
-    means: Vec<Option<f64>>,
-    /// Times of the last messages of each topic.
-    times: Vec<LastTimes>,
+    /// The rate of each topic.
+    rates: Vec<LogRate>,
     /// Index of the topic of each channel.
     by_id: BTreeMap<TopicId, usize>,
     shown: Option<MessagePosition>,
@@ -68,7 +66,8 @@ impl LogView {
     /// A view of all topics; those in `wired` have the name of the buffer that they feed.
     pub(crate) fn new(log: &Log, wired: &BTreeMap<String, Arc<str>>) -> Self {
         let info = log.info();
-        let (mut topics, mut rates) = (Vec::<Topic>::new(), Vec::<f64>::new());
+        let (mut topics, mut means_hz) = (Vec::<Topic>::new(), Vec::<f64>::new());
+        let mut channels = Vec::<Vec<TopicId>>::new();
         let (mut by_id, mut by_name) = (BTreeMap::new(), BTreeMap::<&str, Vec<usize>>::new());
         let reassembly = Reassembly::new(log);
         for topic in &info.topics {
@@ -77,6 +76,7 @@ impl LogView {
             }
             let deltas = reassembly.deltas_of(topic.id).iter().filter_map(|id| info.topic(*id));
             let deltas: Vec<&LogTopic> = deltas.collect();
+            let ids = iter::once(topic.id).chain(deltas.iter().map(|deltas| deltas.id));
             let messages = topic.messages + deltas.iter().map(|deltas| deltas.messages).sum::<u64>();
             let hz = topic.hz + deltas.iter().map(|deltas| deltas.hz).sum::<f64>();
             let named = by_name.entry(&topic.name).or_default();
@@ -84,11 +84,13 @@ impl LogView {
             by_id.insert(topic.id, known.unwrap_or(topics.len()));
             if let Some(index) = known {
                 join(&mut topics[index], topic, messages);
-                rates[index] += hz;
+                means_hz[index] += hz;
+                channels[index].extend(ids);
                 continue;
             }
             named.push(topics.len());
-            rates.push(hz);
+            means_hz.push(hz);
+            channels.push(ids.collect());
             topics.push(Topic {
                 name: wired.get(&topic.name).map_or_else(|| topic.name.as_str().into(), Arc::clone),
                 run: RunTag::Recorded,
@@ -114,12 +116,9 @@ impl LogView {
                 Arc::make_mut(&mut topics[index].metadata).insert(UPDATES.to_owned(), text);
             }
         }
-        let means = topics.iter_mut().zip(rates).map(|(topic, hz)| {
-            // A single message has no rate.
-            topic.hz = (topic.messages > 1 && hz > 0.0).then_some(hz);
-            topic.hz
-        });
-        let means = means.collect();
+        let rates = topics.iter().zip(channels).zip(means_hz);
+        let rates = rates.map(|((topic, channels), mean_hz)| LogRate::new(channels, topic.messages, mean_hz));
+        let rates = rates.collect();
         let ids = |is_read: fn(&str) -> bool| -> Vec<TopicId> {
             let is_read = |topic: &&LogTopic| rcs_msg::canonical_name(&topic.schema).is_some_and(is_read);
             info.topics.iter().filter(is_read).map(|topic| topic.id).collect()
@@ -133,8 +132,7 @@ impl LogView {
         let entities = EntityWatch::of(scenes.map(|topic| Arc::clone(&topic.name)));
         Self {
             log: log.clone(),
-            means,
-            times: vec![LastTimes::default(); topics.len()],
+            rates,
             topics,
             by_id,
             shown: None,
@@ -167,9 +165,8 @@ impl LogView {
             _ => self.look_up_before(to.time)?,
         }
         self.read_on(to)?;
-        self.update_rates(to.time);
         self.shown = Some(to);
-        Ok(())
+        self.update_rates(to.time)
     }
 
     fn read_on(&mut self, to: MessagePosition) -> Result<(), SourceError> {
@@ -187,10 +184,7 @@ impl LogView {
 
     /// Shows everything before `time`, and positions the cursor there.
     fn look_up_before(&mut self, time: Stamp) -> Result<(), SourceError> {
-        for (topic, times) in self.topics.iter_mut().zip(&mut self.times) {
-            topic.set_latest(None);
-            times.clear();
-        }
+        self.topics.iter_mut().for_each(|topic| topic.set_latest(None));
         let mut found = self.reassembly.seek(MessagePosition::before(time))?;
         if time > Stamp(0) {
             let direct = self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten();
@@ -203,37 +197,19 @@ impl LogView {
         for (index, whole) in newest {
             self.set_latest(index, whole);
         }
-        self.look_up_times(time)?;
+        self.rates.iter_mut().for_each(|rate| rate.begin_at(time));
         self.ahead = None;
         self.cursor = self.log.cursor(CursorOptions { start: time, ..CursorOptions::default() });
         Ok(())
     }
 
-    /// Looks up the times from which the rates at `time` are measured.
-    fn look_up_times(&mut self, time: Stamp) -> Result<(), SourceError> {
-        let mut found = vec![Vec::new(); self.topics.len()];
-        for (id, times) in self.log.times_before(time, time.before_ns(WINDOW_NS))? {
-            let keys = self.reassembly.keys_of(id).unwrap_or(id);
-            if let Some(&index) = self.by_id.get(&keys) {
-                found[index].extend(times);
-            }
-        }
-        for (last, mut times) in self.times.iter_mut().zip(found) {
-            times.sort_unstable_by(|a, b| b.cmp(a));
-            if times.len() > 1 {
-                last.begin_with(&times);
-            }
+    /// Updates the rates to the viewed time.
+    fn update_rates(&mut self, time: Stamp) -> Result<(), SourceError> {
+        for (topic, rate) in self.topics.iter_mut().zip(&mut self.rates) {
+            let newest = topic.latest.as_ref().map(|latest| latest.header.log_time);
+            topic.hz = rate.at(&self.log, newest, time)?;
         }
         Ok(())
-    }
-
-    /// Updates the rates to the viewed time. Only messages that a jump to it looks up count, so that they do not depend
-    /// on the way to it.
-    fn update_rates(&mut self, time: Stamp) {
-        let since = self.log.times_known_since(time, time.before_ns(WINDOW_NS));
-        for ((topic, times), mean) in self.topics.iter_mut().zip(&self.times).zip(&self.means) {
-            topic.hz = times.rate_hz(since).or(*mean);
-        }
     }
 
     fn show(&mut self, message: LogMessage) {
@@ -271,7 +247,7 @@ impl LogView {
             writer: WriterId::RUNTIME,
         };
         topic.set_latest(Some(Sample { header, message }));
-        self.times[index].take(header.log_time);
+        self.rates[index].take(header.log_time);
     }
 
     /// Gathers these fields of the topics for which `is_wanted` holds, and no others.

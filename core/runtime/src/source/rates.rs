@@ -1,16 +1,17 @@
 //! Rates of messages: measured over the last seconds before the newest message, so that a topic that has stopped is
-//! recognised by its age within a few of its periods, however long it has been silent or the run has lasted. Of a log,
-//! the last seconds before the viewed time count, because no others are known after a jump.
+//! recognised by its age within a few of its periods, however long it has been silent or the run has lasted. After a
+//! jump in a log, the times of these messages are looked up.
 
 use crate::history::{RunId, RunSummary};
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
+use rcs_log::{Log, LogError, TopicId};
 use rcs_msg::Stamp;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A rate is measured over this time before the newest message; over two messages if they are farther apart.
-pub(super) const WINDOW_NS: u64 = 2_000_000_000;
+const WINDOW_NS: u64 = 2_000_000_000;
 /// Greatest number of messages that are used, which is enough for a mean at any rate.
 const MOST: usize = 64;
 
@@ -117,30 +118,79 @@ impl RunTimes {
     }
 }
 
-/// Times of the last messages of a topic of a log.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct LastTimes(VecDeque<Stamp>);
+/// The rate of a topic of a log.
+#[derive(Clone, Debug)]
+pub(crate) struct LogRate {
+    /// The channels of its messages and of their updates.
+    channels: Vec<TopicId>,
+    /// Number of messages in all of them.
+    messages: u64,
+    /// Mean over the log without its gaps; `None` for fewer than two messages.
+    mean_hz: Option<f64>,
+    /// Times of the last messages that were shown, oldest first: those from `known_since` on, at most [`MOST`].
+    times: VecDeque<Stamp>,
+    known_since: Stamp,
+    /// Time of a newest message, and the rate there.
+    measured: Option<(Stamp, Option<f64>)>,
+}
 
-impl LastTimes {
+impl LogRate {
+    pub(crate) fn new(channels: Vec<TopicId>, messages: u64, mean_hz: f64) -> Self {
+        let mean_hz = (messages > 1 && mean_hz > 0.0).then_some(mean_hz);
+        Self { channels, messages, mean_hz, times: VecDeque::new(), known_since: Stamp(0), measured: None }
+    }
+
+    /// After a jump, the messages from `time` on follow.
+    pub(crate) fn begin_at(&mut self, time: Stamp) {
+        self.times.clear();
+        self.known_since = time;
+    }
+
+    /// The next message that is shown.
     pub(crate) fn take(&mut self, time: Stamp) {
-        if self.0.len() == MOST {
-            self.0.pop_front();
+        if self.times.len() == MOST {
+            self.times.pop_front();
         }
-        self.0.push_back(time);
+        self.times.push_back(time);
     }
 
-    pub(crate) fn clear(&mut self) {
-        self.0.clear();
-    }
-
-    /// Initialises it with earlier times, newest first.
-    pub(crate) fn begin_with(&mut self, newest_first: &[Stamp]) {
-        self.0 = newest_first.iter().take(MOST).rev().copied().collect();
-    }
-
-    /// The rate of the messages from `since` on.
-    pub(crate) fn rate_hz(&self, since: Stamp) -> Option<f64> {
-        rate_hz(self.0.iter().rev().take_while(|time| **time >= since).map(|time| time.0))
+    /// The rate at the `viewed` time, when the message at `newest` is the newest one. It follows from the log alone,
+    /// not from what was shown before. The mean over the log stands for it where the last seconds before that message
+    /// have no other one. Where they have all messages that there are, it is the lower of both: what was sent at the
+    /// start alone does not become old.
+    pub(crate) fn at(
+        &mut self,
+        log: &Log,
+        newest: Option<Stamp>,
+        viewed: Stamp,
+    ) -> Result<Option<f64>, LogError> {
+        let Some(newest) = newest else { return Ok(self.mean_hz) };
+        if let Some((time, hz)) = self.measured
+            && time == newest
+        {
+            return Ok(hz);
+        }
+        let before = newest.after_ns(1);
+        let since = log.times_known_since(&self.channels, before, newest.before_ns(WINDOW_NS));
+        if self.known_since > since {
+            // Of the messages at the viewed time, those count that were shown.
+            self.times.retain(|time| *time >= viewed);
+            for time in log.times_before(&self.channels, before.min(viewed), since)? {
+                if self.times.len() < MOST {
+                    self.times.push_front(time);
+                }
+            }
+            self.known_since = since;
+        }
+        let last = self.times.iter().rev().take_while(|time| **time >= since).map(|time| time.0);
+        let is_all = last.clone().count() as u64 == self.messages;
+        let mut hz = rate_hz(last);
+        if is_all || hz.is_none() {
+            hz = hz.into_iter().chain(self.mean_hz).reduce(f64::min);
+        }
+        // More messages may follow at the viewed time.
+        self.measured = (newest < viewed).then_some((newest, hz));
+        Ok(hz)
     }
 }
 

@@ -181,7 +181,7 @@ mod tests {
     fn a_negative_number_is_refused_with_the_range_of_its_flag() {
         let refused = |args: &[&str]| Cli::try_parse_from([&["ocu"], args].concat()).unwrap_err().to_string();
         let run = refused(&["run", "--stack", "lagr", "--until", "-1"]);
-        assert!(run.contains("expected seconds from 0 to 1e9, got \"-1\""), "{run}");
+        assert!(run.contains("expected seconds from 0 to 1.8e10, got \"-1\""), "{run}");
         for args in [&["--seed", "-1"][..], &["run", "--stack", "lagr", "--seed", "-1"]] {
             let seed = refused(args);
             assert!(seed.contains("expected a whole number from 0 to"), "{seed}");

@@ -12,8 +12,8 @@ use std::path::PathBuf;
                         --fields /wm1/status.state 'smooth(/vehicle_interface/vehicle.speed_mps, 0.5)'\n\n\
                         A row for each time at which a field has a value. States and texts are written by name. A field \
                         may also be a formula, with the functions that the manual lists, except spectrum. Exit codes: 0 \
-                        success, 2 the recording cannot be opened, 3 it is damaged and the table has what could be \
-                        read."
+                        success, 2 the recording cannot be opened, 3 it is damaged, or not all messages could be \
+                        read, and the table has the others."
 )]
 pub struct ExportArgs {
     /// Recording to read; of one that was split, the folder or the first file

@@ -109,10 +109,14 @@ pub(crate) fn parse_values(text: &str) -> Result<Values, String> {
     Ok(Values { path, values: values.collect() })
 }
 
+/// Greatest time from a start, s: a recording may begin at 0 and go on with the time of day, up to the greatest
+/// `Stamp`.
+const MOST_S: f64 = 1.8e10;
+
 pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(seconds) if seconds.is_finite() && (0.0..=1e9).contains(&seconds) => Ok(seconds),
-        _ => Err(format!("expected seconds from 0 to 1e9, got {text:?}")),
+        Ok(seconds) if (0.0..=MOST_S).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("expected seconds from 0 to {MOST_S:e}, got {text:?}")),
     }
 }
 
@@ -163,7 +167,8 @@ mod tests {
             assert!(parse_size(text).is_err(), "{text}");
         }
         assert_eq!(parse_seconds("12.5"), Ok(12.5));
-        for text in ["", "-1", "NaN", "inf", "1e300", "3 s"] {
+        assert_eq!(parse_seconds("1700000005"), Ok(1_700_000_005.0), "of a recording that begins at 0");
+        for text in ["", "-1", "NaN", "inf", "1.9e10", "1e300", "3 s"] {
             assert!(parse_seconds(text).is_err(), "{text}");
         }
         let param = Param { process: "wm1".into(), field: "weight_stereo".into(), value: "0.4".into() };

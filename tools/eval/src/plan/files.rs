@@ -9,6 +9,8 @@ use std::str::FromStr;
 /// A path to find.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scenario {
+    /// Its line in the file, from 1.
+    pub(super) line: usize,
     pub(super) start: Place,
     pub(super) goal: Place,
     /// Length of the shortest path, cells.
@@ -175,7 +177,7 @@ fn scenario(file: &Lines<'_>, number: usize, line: &str, map: &CostGrid) -> Resu
         let what = format!("optimal length is {:?}, expected a finite number from {least:.8} up", field(6));
         return Err(file.error(number, &what));
     }
-    Ok(Scenario { start, goal, optimal })
+    Ok(Scenario { line: number, start, goal, optimal })
 }
 
 /// The columns of a line, which are separated by tabs; where it has none, by spaces.

@@ -8,7 +8,7 @@ mod files;
 
 use crate::EvalError;
 use files::{Scenario, read_map, read_scenarios};
-use rcs_planner::costs::CostGrid;
+use rcs_planner::costs::{BLOCKED, CostGrid};
 use rcs_planner::search::{NoPath, Path as Found, Search};
 use serde::Serialize;
 use std::path::Path;
@@ -46,6 +46,9 @@ pub struct Report {
 pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
     let map = read_map(job.map)?;
     let scenarios = read_scenarios(job.scenarios, &map)?;
+    if let Some(blocked) = blocked(&map, &scenarios) {
+        tracing::warn!("{}, {blocked}", job.scenarios.display());
+    }
     let mut search = Search::default();
     let mut found = Found::default();
     let mut times_ms = Vec::with_capacity(scenarios.len());
@@ -72,9 +75,26 @@ pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
     })
 }
 
+/// What is said of scenarios whose start or goal is blocked, which no path solves: those of another map have such.
+fn blocked(map: &CostGrid, scenarios: &[Scenario]) -> Option<String> {
+    let is_blocked = |place| map.get(place) == Some(BLOCKED);
+    let mut ends = scenarios.iter().filter_map(|scenario| {
+        let ends = [("start", scenario.start), ("goal", scenario.goal)];
+        let (name, place) = ends.into_iter().find(|&(_, place)| is_blocked(place))?;
+        Some((scenario.line, name, place))
+    });
+    let (line, name, place) = ends.next()?;
+    let (count, all) = (1 + ends.count(), scenarios.len());
+    Some(format!(
+        "line {line}: {name} ({}, {}) is blocked; {count} of {all} scenarios have a blocked start or goal, as those of \
+         another map would",
+        place.column, place.row
+    ))
+}
+
 fn find(search: &mut Search, map: &CostGrid, scenario: &Scenario, found: &mut Found) -> Result<(), NoPath> {
     // The start of a scenario must be free like every other cell of its path.
-    if map.get(scenario.start) == Some(rcs_planner::costs::BLOCKED) {
+    if map.get(scenario.start) == Some(BLOCKED) {
         return Err(NoPath::NotConnected);
     }
     search.path(map, scenario.start, scenario.goal, 1, found)

@@ -1,7 +1,7 @@
 //! Reads one field from messages of one schema: a number by the scanner, a state with its name, a text by its content.
 
 use rcs_formula::{Names, States};
-use rcs_msg::{AnyMessage, FieldPath, FieldScanner, ScanError, Schema, Value};
+use rcs_msg::{AnyMessage, DecodeError, FieldPath, FieldScanner, ScanError, Schema, Value};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -24,6 +24,25 @@ enum Kind {
     Text,
 }
 
+/// Messages that do not decode, so that they have no value.
+#[derive(Clone, Default)]
+pub(super) struct Undecoded {
+    count: u64,
+    /// Why the first of them does not decode.
+    first: Option<Arc<str>>,
+}
+
+impl Undecoded {
+    fn add(&mut self, error: &DecodeError) {
+        self.count += 1;
+        self.first.get_or_insert_with(|| match error {
+            // Its schema is that of the topic, which is named beside it.
+            DecodeError::Malformed { reason, .. } => reason.as_str().into(),
+            DecodeError::NoReader { .. } => error.to_string().into(),
+        });
+    }
+}
+
 /// Reads one field.
 #[derive(Clone)]
 pub(super) struct Extractor {
@@ -42,6 +61,7 @@ pub(super) struct Extractor {
     lacks_texts: bool,
     /// Number of messages without the field whose tree was looked at.
     looks: u32,
+    undecoded: Undecoded,
 }
 
 impl Extractor {
@@ -63,6 +83,7 @@ impl Extractor {
             most_texts: MOST_TEXTS,
             lacks_texts: false,
             looks: 0,
+            undecoded: Undecoded::default(),
         })
     }
 
@@ -71,8 +92,14 @@ impl Extractor {
         Self { most_texts: usize::MAX, ..self }
     }
 
-    /// What is said if some texts have no value.
+    /// What is said if messages have no value that may have the field.
     pub(super) fn lacking(&self) -> Option<Arc<str>> {
+        let Undecoded { count, first } = &self.undecoded;
+        if let Some(reason) = first {
+            let count =
+                if *count == 1 { "1 message does".to_owned() } else { format!("{count} messages do") };
+            return Some(format!("{count} not decode, the first: {reason}").into());
+        }
         let text =
             || format!("only the first {MOST_TEXTS} different texts are shown; an export has all").into();
         self.lacks_texts.then(text)
@@ -97,6 +124,17 @@ impl Extractor {
         }
     }
 
+    /// Takes the messages that did not decode since this was last called.
+    pub(super) fn take_undecoded(&mut self) -> Undecoded {
+        std::mem::take(&mut self.undecoded)
+    }
+
+    /// Counts messages that another reader of the field did not decode, which come after its own.
+    pub(super) fn count_undecoded(&mut self, later: Undecoded) {
+        self.undecoded.count += later.count;
+        self.undecoded.first = self.undecoded.first.take().or(later.first);
+    }
+
     /// The value in a message; NaN if it has none.
     pub(super) fn read(&mut self, message: &AnyMessage) -> f64 {
         if self.is_time() {
@@ -110,7 +148,8 @@ impl Extractor {
         let Some(scanner) = &self.scanner else {
             return if self.is_time() { 1.0 } else { self.text(&message()).unwrap_or(f64::NAN) };
         };
-        let value = scanner.scan(bytes).ok().flatten().unwrap_or(f64::NAN);
+        let scanned = scanner.scan(bytes).inspect_err(|error| self.undecoded.add(error));
+        let value = scanned.ok().flatten().unwrap_or(f64::NAN);
         let known = match self.kind {
             Kind::Number => true,
             // Where the schema does not tell, as of JSON, a text is found by looking at a few messages.
@@ -155,7 +194,7 @@ impl Extractor {
     }
 
     fn text(&mut self, message: &AnyMessage) -> Option<f64> {
-        let root = message.value().ok()?;
+        let root = message.value().inspect_err(|error| self.undecoded.add(error)).ok()?;
         let found = root.get(&self.path).ok()?;
         let text = found.as_text()?;
         if let Some(&key) = self.texts.get(text) {

@@ -105,7 +105,7 @@ impl LogFields {
                 names: Arc::clone(&told.names),
                 states: Arc::clone(&told.states),
                 reading: told.reading,
-                problem: told.problem.clone(),
+                problem: told.problem(),
             }
         })
     }
@@ -233,8 +233,7 @@ pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>)
     let read = read_topics(log, wanted.into_values().collect(), &times, |_, _| {});
     let series = found.into_iter().map(|(field, points, told)| {
         let told = lock(&told);
-        let problem =
-            told.problem.clone().or_else(|| read.as_ref().err().map(|error| error.to_string().into()));
+        let problem = told.problem().or_else(|| read.as_ref().err().map(|error| error.to_string().into()));
         FieldSeries {
             field,
             run: RunTag::Recorded,
@@ -296,6 +295,37 @@ mod tests {
         let series = fields.read().next().unwrap();
         let problem = series.problem.unwrap();
         assert!(series.points.last().unwrap().value.is_nan() && problem.contains("first 10000"), "{problem}");
+    }
+
+    #[test]
+    fn messages_that_do_not_decode_are_counted_and_the_first_says_why() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("broken.mcap");
+        let options = WriterOptions { chunk_bytes: 200, ..WriterOptions::default() };
+        let mut writer = LogWriter::create(&path, options).unwrap();
+        let channel = writer.add_channel("/a", schema_of::<rcs::Status>(), &BTreeMap::new()).unwrap();
+        for number in 1..=100 {
+            // An empty message has the default values.
+            let data: &[u8] = if number % 2 == 0 { &[0xff] } else { &[] };
+            let time = Stamp(number);
+            let header = WriteHeader { sequence: number as u32, log_time: time, publish_time: time };
+            writer.write(channel, header, data).unwrap();
+        }
+        writer.finish().unwrap();
+        let log = Log::open(&path).unwrap();
+        let field = |path: &str| FieldRef { topic: "/a".to_owned(), path: path.parse().unwrap() };
+        let fields = ["cycle", "state_text"].map(field);
+        let exported = read_fields(&log, &fields, log.info().start..=log.info().end);
+        let mut plotted = LogFields::default();
+        plotted.gather(&log, &fields, |name| alike(log.info().topics_named(name), &Reassembly::new(&log)));
+        while plotted.is_reading() {
+            std::thread::yield_now();
+        }
+        for series in exported.into_iter().chain(plotted.read()) {
+            assert_eq!(series.points.len(), 100);
+            let problem = series.problem.unwrap();
+            assert!(problem.starts_with("50 messages do not decode, the first: "), "{problem}");
+        }
     }
 
     #[test]

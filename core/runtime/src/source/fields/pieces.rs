@@ -4,7 +4,7 @@
 //! piece gives is appended as it is. Points of pieces that overlap wait until no later piece can have an earlier one.
 
 use super::FieldPoint;
-use super::extract::Extractor;
+use super::extract::{Extractor, Undecoded};
 use super::reader::{Reader, Wanted};
 use rcs_log::{CursorOptions, Log, LogError, MessagePosition, Piece, TopicId};
 use rcs_msg::{AnyMessage, Schema, Stamp};
@@ -27,6 +27,8 @@ struct Found {
     index: usize,
     /// In the order of the readers.
     points: Result<Vec<Vec<Placed>>, LogError>,
+    /// The messages that do not decode, in the order of the readers.
+    undecoded: Vec<Undecoded>,
     /// The extractors of a thread that has learned the names of states.
     learned: Option<Vec<Extractor>>,
 }
@@ -54,10 +56,11 @@ impl Job<'_> {
             let index = self.next.fetch_add(1, Ordering::Relaxed);
             let Some(piece) = self.pieces.get(index) else { return };
             let points = self.read_piece(piece, &mut extractors);
+            let undecoded = extractors.iter_mut().map(Extractor::take_undecoded).collect();
             let now = known(&extractors);
             let learned = (now != told).then(|| extractors.clone());
             told = now;
-            if found.send(Found { index, points, learned }).is_err() {
+            if found.send(Found { index, points, undecoded, learned }).is_err() {
                 return;
             }
         }
@@ -164,6 +167,9 @@ impl<'a> Order<'a> {
             self.next += 1;
             for (reader, learned) in self.readers.iter_mut().zip(found.learned.iter().flatten()) {
                 reader.extractor.learn_from(learned);
+            }
+            for (reader, undecoded) in self.readers.iter_mut().zip(found.undecoded) {
+                reader.extractor.count_undecoded(undecoded);
             }
             match found.points {
                 Ok(points) => {

@@ -14,7 +14,17 @@ pub(super) struct Told {
     pub(super) names: Names,
     pub(super) states: States,
     pub(super) reading: Option<f64>,
+    /// Why there are no values, or those of some messages alone.
     pub(super) problem: Option<Arc<str>>,
+    /// What is said of messages without a value, as far as they have been read.
+    pub(super) lacking: Option<Arc<str>>,
+}
+
+impl Told {
+    /// Why there are no values, or not all of them.
+    pub(super) fn problem(&self) -> Option<Arc<str>> {
+        self.problem.clone().or_else(|| self.lacking.clone())
+    }
 }
 
 pub(super) fn lock(told: &Mutex<Told>) -> MutexGuard<'_, Told> {
@@ -42,7 +52,7 @@ impl Reader {
     pub(super) fn tell(&self, reading: Option<f64>) {
         let mut told = lock(&self.told);
         told.reading = reading;
-        told.problem = told.problem.take().or_else(|| self.extractor.lacking());
+        told.lacking = self.extractor.lacking();
         if !Arc::ptr_eq(&told.names, &self.extractor.names) {
             told.names = Arc::clone(&self.extractor.names);
         }
