@@ -1,6 +1,6 @@
 //! Definitions of a log: schemas, channels, attachments, metadata, statistics.
 
-use crate::info::{AttachmentInfo, LogTopic, Metadata, TopicId};
+use crate::info::{AttachmentInfo, COMPLETE_FROM, LogTopic, Metadata, TopicId};
 use crate::parse;
 use crate::record::{Fields, Head, op};
 use bytes::Bytes;
@@ -126,6 +126,12 @@ impl Catalog {
         for (&id, channel) in &other.channels {
             self.channels.entry(id).or_insert_with(|| channel.clone());
         }
+    }
+
+    /// The time from which the recording is complete; see [`LogInfo::complete_from`](crate::LogInfo::complete_from).
+    pub(crate) fn complete_from(&self) -> Option<Stamp> {
+        let mut own = self.metadata.iter().filter(|about| about.name == "ocu");
+        own.find_map(|about| about.entries.get(COMPLETE_FROM)?.parse().ok()).map(Stamp)
     }
 
     /// Creates a channel with this number, which the log does not define.

@@ -8,6 +8,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// Key of the metadata record `ocu` of a recording that does not begin with its run, or of a part of a recording: the time
+/// from which it is complete, ns.
+pub const COMPLETE_FROM: &str = "from_ns";
+
 /// A topic of one log: the number of its channel in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TopicId(pub u16);
@@ -84,6 +88,9 @@ pub struct LogInfo {
     pub profile: String,
     /// The header's library: the program that wrote the log.
     pub library: String,
+    /// The time from which a recording is complete, as its metadata says ([`COMPLETE_FROM`]); before it are only the
+    /// messages that held then. The rates of its topics are those after that time. `None` for a log that says nothing.
+    pub complete_from: Option<Stamp>,
 }
 
 impl LogInfo {

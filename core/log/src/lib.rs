@@ -48,6 +48,7 @@ mod output;
 mod parse;
 mod parts;
 mod pieces;
+mod rates;
 mod reassembly;
 mod record;
 mod recorder;
@@ -63,7 +64,8 @@ pub use cursor::{Cursor, CursorOptions, Position};
 pub use error::LogError;
 pub use gaps::Gap;
 pub use info::{
-    Attachment, AttachmentInfo, LogInfo, LogMessage, LogTopic, Lost, MessagePosition, Metadata, TopicId,
+    Attachment, AttachmentInfo, COMPLETE_FROM, LogInfo, LogMessage, LogTopic, Lost, MessagePosition,
+    Metadata, TopicId,
 };
 pub use log::Log;
 pub use pieces::{Piece, PieceMessage};

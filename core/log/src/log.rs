@@ -8,6 +8,7 @@ use crate::info::{
     Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, MessagePosition, Metadata, TopicId,
 };
 use crate::parts::Parts;
+use crate::rates;
 use crate::record::{ChunkHead, Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
 use crate::scan::{Scanned, scan};
 use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
@@ -184,7 +185,9 @@ impl Log {
             gaps,
             profile: catalog.profile.clone(),
             library: catalog.library.clone(),
+            complete_from: catalog.complete_from(),
         };
+        let info = rates::of_complete_part(info, &source, &segments, &parts);
         catalog.schemas.clear();
         let found = Mutex::new(Found { lost, problems, reported, reported_at: BTreeSet::new() });
         let cache = Cache::new(CACHE_BYTES);

@@ -5,8 +5,8 @@ use crate::live::apply_class;
 use crate::stack::{BufferPlan, Class, Plan, names};
 use rcs_bus::{Buffer, Sample};
 use rcs_log::{
-    Log, LogWriter, Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus, WriteHeader,
-    WriterOptions,
+    COMPLETE_FROM, Log, LogWriter, Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus,
+    WriteHeader, WriterOptions,
 };
 use rcs_msg::Stamp;
 use rcs_msg::channel::WRITER;
@@ -66,8 +66,6 @@ impl std::fmt::Display for RecordWhat {
 /// Name of the metadata record at the end of a complete recording: the end of the run (`time_ns`), and the number of
 /// missing messages (`dropped`).
 pub(crate) const RUN_END: &str = "run_end";
-/// Key of the metadata of a recording that does not begin with its run: the time from which it is complete, ns.
-const FROM: &str = "from_ns";
 /// Key of the metadata of a part of a recording that lacks what its run did before.
 const LACKS_BEGINNING: &str = "lacks_beginning";
 
@@ -108,7 +106,7 @@ impl Recording {
             ("stack_hash", plan.hash.clone()),
             ("recorded", options.what.to_string()),
         ];
-        let from = options.from.map(|from| (FROM, from.0.to_string()));
+        let from = options.from.map(|from| (COMPLETE_FROM, from.0.to_string()));
         let writer_options = WriterOptions {
             build: options.build.clone(),
             metadata: about.into_iter().chain(from).map(|(key, value)| (key.to_owned(), value)).collect(),
@@ -224,15 +222,10 @@ impl Limit {
 /// complete, and whether it lacks the beginning of the recording, so that its run cannot be repeated.
 pub fn metadata_of_part(recording: &Log, from: Stamp) -> BTreeMap<String, String> {
     let is_later = from > recording.info().start;
-    let complete = complete_from(recording).max(is_later.then_some(from));
-    let complete = complete.map(|from| (FROM, from.0.to_string()));
+    let complete = recording.info().complete_from.max(is_later.then_some(from));
+    let complete = complete.map(|from| (COMPLETE_FROM, from.0.to_string()));
     let lacks = (is_later || lacks_beginning(recording)).then(|| (LACKS_BEGINNING, "true".to_owned()));
     complete.into_iter().chain(lacks).map(|(key, value)| (key.to_owned(), value)).collect()
-}
-
-/// The time from which a recording that does not begin with its run is complete; `None` for one that does.
-pub(crate) fn complete_from(recording: &Log) -> Option<Stamp> {
-    recording.metadata().iter().find_map(|about| about.entries.get(FROM)?.parse().ok()).map(Stamp)
 }
 
 /// Whether a recording is a part that lacks what its run did before, from which the run cannot be repeated.

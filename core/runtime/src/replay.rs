@@ -5,7 +5,7 @@ use crate::error::RunError;
 use crate::journal::{ExternalEvent, Journal};
 use crate::options::RunOptions;
 use crate::process::ProcessType;
-use crate::record::{RUN_END, complete_from, lacks_beginning};
+use crate::record::{RUN_END, lacks_beginning};
 use crate::script::ScheduledCycle;
 use crate::stack::{Assets, NoAssets, Plan, PlanOptions, names};
 use crate::stepped::Stepped;
@@ -60,7 +60,7 @@ impl RecordedRun {
             recording: recording.clone(),
             info: rcs::RunInfo::default(),
             start: info.start,
-            from: complete_from(recording),
+            from: info.complete_from,
             end: end.map_or(info.end, |(time, _)| time),
             whole: end.is_some_and(|(_, dropped)| dropped == 0) && info.problems.is_empty(),
             schedule: Vec::new(),

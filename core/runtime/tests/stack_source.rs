@@ -9,10 +9,12 @@ use rcs_formula::FieldRef;
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs, schema_of};
 use rcs_runtime::source::{
-    Control, Driver, Frame, RecordingEnd, RunTag, Source, SourceError, StackSource, Step, Task, finish_idle,
+    Control, Driver, Frame, LogSource, RecordingEnd, RunTag, Source, SourceError, StackSource, Step, Task,
+    finish_idle,
 };
 use rcs_runtime::{RecordOptions, RunId, RunOptions};
 use rcs_testkit::proto::CounterParams;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 fn on_log(messages: &[(f64, &str, f64)]) -> (StackSource, tempfile::TempDir) {
@@ -104,6 +106,39 @@ fn a_recording_goes_on_after_a_refused_write_and_where_nothing_can_be_taken_back
     let cursor = log.cursor(CursorOptions { topics: Some(ids), ..CursorOptions::default() });
     let sequences: Vec<u32> = cursor.map(|message| message.unwrap().sequence).collect();
     assert_eq!(sequences, (100..=300).collect::<Vec<u32>>(), "what held at 1 s, and every message once");
+}
+
+/// A run, and the recording of it from 10 to 11 s.
+fn recorded_from_10_s(folder: &Path) -> (StackSource, Log) {
+    let path = folder.join("run.mcap");
+    let mut source = pair();
+    let task = Task::default();
+    let options = RecordOptions { lossless: true, build: "test".to_owned(), ..RecordOptions::default() };
+    source.seek(seconds(10.0), &task).unwrap();
+    source.record(&path, &options).unwrap();
+    source.seek(seconds(11.0), &task).unwrap();
+    source.stop_recording();
+    (source, Log::open(&path).unwrap())
+}
+
+#[test]
+fn a_recording_from_the_middle_of_a_run_knows_every_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut source, log) = recorded_from_10_s(folder.path());
+    let frame = LogSource::new(&log).unwrap().frame();
+    assert_eq!((frame.processes.len(), &frame.processes), (2, &source.frame().processes));
+}
+
+#[test]
+fn a_recording_from_the_middle_of_a_run_is_shown_and_its_rates_are_counted_from_where_it_is_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_source, log) = recorded_from_10_s(folder.path());
+    assert_eq!((log.info().start, log.info().complete_from), (Stamp(0), Some(seconds(10.0))));
+    let mut opened = LogSource::new(&log).unwrap();
+    let frame = opened.frame();
+    assert_eq!((opened.now(), x_of(&frame, "/counter/count").is_some()), (seconds(10.0), true));
+    let topic = log.info().topics_named("/counter/count").next().unwrap();
+    assert!((95.0..=105.0).contains(&topic.hz), "{}", topic.hz);
 }
 
 #[test]

@@ -18,6 +18,9 @@ struct Report<'a> {
     start_ns: u64,
     end_ns: u64,
     duration_s: f64,
+    /// The time from which it is complete, if it was recorded from the middle of a run on or is a part of a recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    complete_from_ns: Option<u64>,
     /// Whether it was read without a usable summary.
     recovered: bool,
     lost: Lost,
@@ -65,6 +68,7 @@ fn report(info: &LogInfo) -> Report<'_> {
         start_ns: info.start.0,
         end_ns: info.end.0,
         duration_s: info.duration_s(),
+        complete_from_ns: info.complete_from.map(|from| from.0),
         recovered: info.recovered,
         lost: info.lost.into(),
         segments: info.segments,
@@ -109,6 +113,10 @@ fn human(log: &Log, out: &mut dyn Write) -> anyhow::Result<()> {
         ("duration", format::elapsed(info.duration_s())),
         ("messages", info.messages.to_string()),
     ];
+    facts.extend(info.complete_from.filter(|from| *from > info.start).map(|from| {
+        let after = format::elapsed(from.seconds_since(info.start));
+        ("complete", format!("from {after} on, with what held then before it"))
+    }));
     facts.extend(info.gaps.iter().map(|gap| {
         let length = format::elapsed(gap.duration_s());
         ("gap", format!("{length} without a message, after {}", crate::time::date_and_time(gap.from)))

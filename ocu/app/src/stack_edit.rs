@@ -12,7 +12,7 @@ use rcs_msg::{AnyMessage, Value};
 use rcs_runtime::{Plan, PlanOptions, StackFile};
 use std::collections::BTreeSet;
 use std::path::Path;
-use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, Value as Toml};
+use toml_edit::{Array, DocumentMut, InlineTable, Item, RawString, Table, TableLike, Value as Toml};
 
 /// The text of a stack file in which a process has these parameters. The result is checked: a stack with the text has
 /// exactly these parameters. Parameters that hold a file, such as what an earlier run remembers, stay as they are in the
@@ -116,7 +116,7 @@ fn put(
         let params = own.entry("params").or_insert_with(|| Item::Table(Table::new()));
         let Some(params) = params.as_table_like_mut() else { bail!("params of {process} is not a table") };
         if !changed_in_place(params, spec, old, new) {
-            params.insert(&spec.name, Item::Value(whole(spec, new)));
+            insert(params, &spec.name, whole(spec, new));
         }
         return Ok(());
     }
@@ -127,7 +127,7 @@ fn put(
     let params = of.entry("params").or_insert_with(|| Item::Table(Table::new()));
     let Some(params) = params.as_table_like_mut() else { bail!("params of {process} is not a table") };
     // A change replaces whole parameters.
-    params.insert(&spec.name, Item::Value(whole(spec, new)));
+    insert(params, &spec.name, whole(spec, new));
     Ok(())
 }
 
@@ -199,10 +199,22 @@ fn set(table: &mut dyn TableLike, name: &str, value: &Value) {
             *new.decor_mut() = old.decor().clone();
             *old = new;
         }
-        None => {
-            table.insert(name, Item::Value(new));
-        }
+        None => insert(table, name, new),
     }
+}
+
+/// Writes an entry, behind the others if it is new. The space before the brace of an inline table belongs to its last
+/// value, and passes to the new one.
+fn insert(table: &mut dyn TableLike, name: &str, mut value: Toml) {
+    if !table.contains_key(name)
+        && let Some(last) = table.iter_mut().last().and_then(|(_, item)| item.as_value_mut())
+        && let Some(space) = last.decor().suffix().and_then(RawString::as_str)
+        && space.trim_matches(' ').is_empty()
+    {
+        value.decor_mut().set_suffix(space.to_owned());
+        last.decor_mut().set_suffix("");
+    }
+    table.insert(name, Item::Value(value));
 }
 
 /// A whole parameter; fields that have their defaults are left out of tables.
@@ -289,6 +301,13 @@ mod tests {
             lines,
             ["-    { name = \"infrared\", weight = 0.3 },", "+    { name = \"infrared\", weight = 0.7 },",]
         );
+    }
+
+    #[test]
+    fn a_field_that_its_line_does_not_have_yet_is_added_behind_a_comma() {
+        let new = edited("simulation", "wm1", &[("sources[0].weight", "0.4")]);
+        let lines = difference(text("simulation"), &new);
+        assert_eq!(lines, ["-    { name = \"stereo\" },", "+    { name = \"stereo\", weight = 0.4 },"]);
     }
 
     #[test]

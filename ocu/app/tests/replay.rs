@@ -299,10 +299,10 @@ fn a_run_with_faults_replays_to_the_same_hash_and_a_fault_that_does_not_fit_is_r
     let replayed = run(&["run", "--replay", &out, "--json"], 0);
     assert_eq!((&replayed["hash"], &replayed["replay"]["equal"]), (&hurt["hash"], &true.into()));
     for (fault, part) in [
-        ("nobody:stopped", "the stack has no nobody"),
+        ("nobody:stopped", "has no process or buffer nobody; the nearest names are"),
         ("truth_driver:broken", "expected one of stopped"),
         ("truth_driver:slowed=-5", "the delay is -5 ms"),
-        (faults.as_str(), "no /wm1/map"),
+        (faults.as_str(), "no buffer /wm1/map"),
         ("truth_driver:stopped@3..2", "ends before it begins"),
     ] {
         let (code, _, errors) = ocu(&[&stack[..], &["--fault", fault]].concat());

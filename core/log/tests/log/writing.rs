@@ -2,7 +2,7 @@
 
 use crate::common::{SharedSink, header, plain, read_all, schema, writer};
 use bytes::Bytes;
-use rcs_log::{FORMAT_VERSION, Log, LogError, LogWriter, WriterOptions};
+use rcs_log::{COMPLETE_FROM, FORMAT_VERSION, Log, LogError, LogWriter, WriterOptions};
 use rcs_msg::{MessageEncoding, Schema, Stamp};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -62,6 +62,32 @@ fn a_log_reads_as_it_was_written() {
     assert_eq!(log.attachment("stack.toml").unwrap().unwrap().data, "second");
     assert_eq!(log.read_attachment(&log.attachments()[0]).unwrap().data, "first");
     assert!(log.attachment("other").unwrap().is_none());
+}
+
+#[test]
+fn the_rates_of_a_recording_that_begins_in_the_middle_of_a_run_are_those_from_there_on() {
+    let sink = SharedSink::default();
+    let from = (COMPLETE_FROM.to_owned(), 10_000_000_000_u64.to_string());
+    let options = WriterOptions { metadata: BTreeMap::from([from]), ..WriterOptions::default() };
+    let (mut writer, channels) = writer(&sink, options, 3);
+    // What it opens with: one of these was written at the start of the run, others just before.
+    for (channel, times_ms) in [(0, vec![0]), (1, vec![9_990, 10_000]), (2, vec![0, 1, 2, 3])] {
+        for (index, time_ms) in times_ms.into_iter().enumerate() {
+            writer.write(channels[channel], header(index, time_ms * 1_000_000), b"x").unwrap();
+        }
+    }
+    for index in 1..=100 {
+        writer.write(channels[1], header(index, (10_000 + 10 * index as u64) * 1_000_000), b"x").unwrap();
+    }
+    writer.finish().unwrap();
+    for log in [Log::from_bytes(sink.snapshot().into()), Log::from_bytes_by_scan(sink.snapshot().into())] {
+        let log = log.unwrap();
+        let info = log.info();
+        assert_eq!((info.start, info.complete_from), (Stamp(0), Some(Stamp(10_000_000_000))));
+        let rates: Vec<f64> = info.topics.iter().map(|topic| topic.hz).collect();
+        assert!(rates[0] == 0.0 && rates[2] == 0.0, "{rates:?}");
+        assert!((95.0..=105.0).contains(&rates[1]), "{rates:?}");
+    }
 }
 
 #[test]

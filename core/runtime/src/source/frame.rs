@@ -388,6 +388,11 @@ impl Frame {
         of(false).chain(of(true))
     }
 
+    /// What a run says of itself, or the recorded run; `None` if it has said nothing.
+    pub fn run_info(&self, run: RunTag) -> Option<&rcs::RunInfo> {
+        self.topics_of_type("rcs.RunInfo").find(|topic| topic.run == run)?.get()
+    }
+
     /// The track of this topic in this run.
     pub fn track(&self, topic: &str, run: RunTag) -> Option<&Track> {
         self.tracks.iter().find(|track| &*track.topic == topic && track.run == run)

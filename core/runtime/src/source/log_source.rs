@@ -28,12 +28,14 @@ impl LogSource {
         Self::new(&Log::open(path)?)
     }
 
-    /// Positioned at the start of a log, or at its first image if that is shortly after.
+    /// Positioned at the start of a log, or where it is complete if it was recorded from the middle of a run on; in both
+    /// cases at the first image if that follows shortly.
     pub fn new(log: &Log) -> Result<Self, SourceError> {
         let mut view = LogView::new(log, &BTreeMap::new());
         let info = Arc::new(info_of(log, SourceKind::Log));
         let processes = view.processes()?;
-        let place = MessagePosition::after(opening_time(log)?);
+        let from = log.info().complete_from.unwrap_or_default().clamp(log.info().start, log.info().end);
+        let place = MessagePosition::after(opening_time(log, from)?);
         view.go_to(place)?;
         Ok(Self { view, place, info, processes, generation: 0, comparing: Comparing::default() })
     }

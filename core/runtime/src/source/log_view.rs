@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 /// Types whose messages have something to show.
 const IMAGE_TYPES: [&str; 4] =
     ["foxglove.RawImage", "foxglove.CompressedImage", "foxglove.PointCloud", "foxglove.Grid"];
-/// A log without an image at its start is opened at its first image, if that is within this time.
+/// A log without an image where it opens is opened at its first image after that, if that is within this time.
 const FIRST_IMAGE_NS: u64 = 1_000_000_000;
 /// A longer jump looks up all topics instead of reading everything in between.
 const JUMP_NS: u64 = 2_000_000_000;
@@ -388,19 +388,18 @@ fn join_writers(metadata: &mut BTreeMap<String, String>, other: &BTreeMap<String
     }
 }
 
-/// The initial time: the start of the log, or its first image if that is shortly after.
-pub(crate) fn opening_time(log: &Log) -> Result<Stamp, SourceError> {
+/// The initial time: `from`, or the first image after that if it follows shortly.
+pub(crate) fn opening_time(log: &Log, from: Stamp) -> Result<Stamp, SourceError> {
     let info = log.info();
     let is_image = |schema| rcs_msg::canonical_name(schema).is_some_and(|name| IMAGE_TYPES.contains(&name));
     let topics: Vec<TopicId> =
         info.topics.iter().filter(|topic| is_image(&topic.schema)).map(|topic| topic.id).collect();
     if topics.is_empty() {
-        return Ok(info.start);
+        return Ok(from);
     }
-    let end = info.start.after_ns(FIRST_IMAGE_NS);
-    let first =
-        log.cursor(CursorOptions { topics: Some(topics), start: info.start, end }).next().transpose()?;
-    Ok(first.map_or(info.start, |message| message.log_time))
+    let end = from.after_ns(FIRST_IMAGE_NS);
+    let first = log.cursor(CursorOptions { topics: Some(topics), start: from, end }).next().transpose()?;
+    Ok(first.map_or(from, |message| message.log_time))
 }
 
 /// Transforms on this topic are static, by ROS's convention or by the role of its channel.

@@ -1,8 +1,8 @@
 //! Records the run of a source to a file, from any moment on.
 //!
 //! A recording that begins in the middle of a run opens with what holds at that moment (the newest message of every
-//! buffer, with its own time), the run's identity, and the whole journal, so that it can be shown and repeated like one
-//! from the start. It is of one run: it ends before another one begins.
+//! buffer, with its own time), the run's identity, the descriptions of all processes, and the whole journal, so that it can
+//! be shown and repeated like one from the start. It is of one run: it ends before another one begins.
 
 use super::SourceError;
 use super::recording_state::{RecordingEnd, RecordingState};
@@ -94,6 +94,11 @@ fn opening(session: &mut Session) -> Vec<(usize, Sample)> {
     for (index, name) in names.iter().enumerate() {
         if name == names::JOURNAL {
             opening.extend(journal(session).into_iter().map(|sample| (index, sample)));
+            continue;
+        }
+        if name == names::PROCESSES {
+            // Each message describes another process, and all of them were written before the first event.
+            opening.extend(session.opening().into_iter().filter(|(buffer, _)| *buffer == index));
             continue;
         }
         let newest = session.latest_in(last, index).sample;

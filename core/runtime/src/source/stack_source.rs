@@ -187,7 +187,7 @@ impl StackSource {
         let opening = match log {
             // In a log with a single time, the output of the processes is what there is to show.
             Some(log) if log.info().start == log.info().end => source.last(),
-            Some(log) => opening_time(log)?,
+            Some(log) => opening_time(log, log.info().start)?,
             None => now,
         };
         source.seek(opening, &Task::default())?;

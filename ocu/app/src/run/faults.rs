@@ -16,6 +16,8 @@ use std::path::Path;
 
 /// Buffer of the requests.
 const OVERRIDE: &str = "/runtime/override";
+/// Number of names that are told where a target is not known.
+const MOST_NEAR: usize = 5;
 
 /// One fault: an entry of the file.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -49,17 +51,17 @@ struct Entries {
 pub(crate) fn acts(texts: &[String], plan: &Plan) -> anyhow::Result<Vec<Act>> {
     let mut faults: Vec<Fault> = Vec::new();
     for text in texts {
+        let refused = |error: String| usage(format!("the fault {text}: {error}"));
         let path = Path::new(text);
         let is_file = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
         let entries = if is_file {
-            let refused = |what: String| usage(format!("the faults cannot be read: {what}: {text}"));
-            let file = read_text(path).map_err(refused)?;
-            toml::from_str::<Entries>(&file).map_err(|error| refused(error.to_string()))?.fault
+            let unread = |what: String| usage(format!("the faults cannot be read: {what}: {text}"));
+            let file = read_text(path).map_err(unread)?;
+            toml::from_str::<Entries>(&file).map_err(|error| unread(error.to_string()))?.fault
         } else {
-            vec![parse(text).map_err(usage)?]
+            vec![parse(text).map_err(refused)?]
         };
         for entry in entries {
-            let refused = |error: String| usage(format!("the fault {text}: {error}"));
             let Some(fault) = entry.checked(plan).map_err(refused)? else { continue };
             if let Some(other) = faults.iter().find(|other| fault.overlaps(other)) {
                 return Err(refused(fault.overlap_with(other)));
@@ -74,35 +76,41 @@ pub(crate) fn acts(texts: &[String], plan: &Plan) -> anyhow::Result<Vec<Act>> {
     Ok(acts)
 }
 
-/// A fault as `TARGET:KIND[=VALUE][@FROM[..TO]]`.
+/// A fault as `TARGET:KIND[=VALUE][@FROM[..TO]]`. An error says which part is wrong, and what that must be.
 fn parse(text: &str) -> Result<Entry, String> {
-    let expected = || {
-        format!(
-            "expected TARGET:KIND[=VALUE][@FROM[..TO]] with a process or a buffer and stopped, slowed=MS, frozen, \
-             nan[=FIELD], dropped[=1/N or =PROBABILITY] or late=MS, or a file that ends with .toml, got {text:?}"
-        )
-    };
     let (what, when) = text.rsplit_once('@').map_or((text, None), |(what, when)| (what, Some(when)));
-    let (target, kind) = what.split_once(':').ok_or_else(expected)?;
+    let (target, kind) = what.split_once(':').ok_or(
+        "expected TARGET:KIND[=VALUE][@FROM[..TO]] with a process or a buffer and stopped, slowed=MS, frozen, \
+         nan[=FIELD], dropped[=1/N or =PROBABILITY] or late=MS, or a file that ends with .toml",
+    )?;
     let (kind, value) = kind.split_once('=').map_or((kind, None), |(kind, value)| (kind, Some(value)));
-    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| expected());
+    let number = |text: &str, needed: &str| {
+        text.trim().parse::<f64>().map_err(|_| format!("{needed}, got {text:?}"))
+    };
     let mut entry = Entry { kind: kind.to_owned(), ..Entry::default() };
     if target.starts_with('/') { &mut entry.buffer } else { &mut entry.process }.push_str(target);
     match (kind, value) {
-        ("slowed" | "late", Some(value)) => entry.delay_ms = Some(number(value)?),
+        ("slowed" | "late", value) => {
+            let needed = format!("{kind} needs milliseconds, such as {kind}=200");
+            entry.delay_ms = Some(number(value.ok_or_else(|| needed.clone())?, &needed)?);
+        }
         ("nan", Some(field)) => entry.field = Some(field.to_owned()),
-        ("dropped", Some(value)) => match value.split_once('/') {
-            Some(("1", every)) => entry.every = Some(every.parse().map_err(|_| expected())?),
-            Some(_) => return Err(expected()),
-            None => entry.probability = Some(number(value)?),
-        },
-        ("slowed" | "late", None) | (_, Some(_)) => return Err(expected()),
-        (_, None) => {}
+        ("dropped", Some(value)) => {
+            let needed = "dropped needs a share of the messages, such as dropped=1/3 or dropped=0.2";
+            match value.strip_prefix("1/").map(str::parse::<u32>) {
+                Some(every) => entry.every = Some(every.map_err(|_| format!("{needed}, got {value:?}"))?),
+                None => entry.probability = Some(number(value, needed)?),
+            }
+        }
+        ("stopped" | "frozen", Some(value)) => return Err(format!("{kind} has no value, got {value:?}")),
+        // Whether there is such a kind is checked with the stack.
+        _ => {}
     }
     if let Some(when) = when {
         let (from, to) = when.split_once("..").map_or((when, None), |(from, to)| (from, Some(to)));
-        entry.from_s = number(from)?;
-        entry.to_s = to.map(number).transpose()?;
+        let seconds = |text: &str| number(text, "a time is in seconds, such as @10 or @10..12");
+        entry.from_s = seconds(from)?;
+        entry.to_s = to.map(seconds).transpose()?;
     }
     Ok(entry)
 }
@@ -124,7 +132,7 @@ impl Entry {
             (process, _) => plan.processes.iter().any(|known| &*known.name == process),
         };
         if !known {
-            return Err(format!("the stack has no {}{}", self.process, self.buffer));
+            return Err(self.unknown(plan));
         }
         let at_ns = |seconds: f64| {
             let refused = || format!("its time is {seconds} s; expected 0 to {LATEST_S:e}");
@@ -153,6 +161,20 @@ impl Entry {
             ..rcs::Override::default()
         };
         Ok(Some(Fault { request, from_ns, to_ns }))
+    }
+
+    /// Says that the stack does not have its target, and what has a similar name.
+    fn unknown(&self, plan: &Plan) -> String {
+        let buffers = plan.buffers.iter().map(|known| known.spec.name.as_str());
+        let processes = plan.processes.iter().map(|known| &*known.name);
+        let (what, name, known): (&str, &str, Vec<&str>) = if self.process.is_empty() {
+            ("buffer", self.buffer.as_str(), buffers.collect())
+        } else {
+            // A name without a slash may be meant for a buffer.
+            ("process or buffer", self.process.as_str(), processes.chain(buffers).collect())
+        };
+        let nearest = similar::get_close_matches(name, &known, MOST_NEAR, 0.0).join(", ");
+        format!("the stack {} has no {what} {name}; the nearest names are {nearest}", plan.file.name())
     }
 
     /// Refuses values that a fault of its kind does not have, and a share of messages that is told twice or cannot be.
@@ -241,9 +263,35 @@ mod tests {
         ] {
             assert_eq!(parse(text), Ok(expected), "{text}");
         }
-        for text in ["wm1", "wm1:slowed", "wm1:late=fast", "wm1:frozen=1", "wm1:stopped@x", "wm1:dropped=2/3"]
-        {
-            assert!(parse(text).unwrap_err().contains("expected TARGET:KIND"), "{text}");
+    }
+
+    #[test]
+    fn a_fault_that_cannot_be_read_is_refused_with_the_part_that_is_wrong() {
+        for (text, refused) in [
+            ("wm1:slowed", "slowed needs milliseconds, such as slowed=200"),
+            ("wm1:late=200ms@1", "late needs milliseconds, such as late=200, got \"200ms\""),
+            ("wm1:frozen=1", "frozen has no value, got \"1\""),
+            ("wm1:stopped@1..2s", "a time is in seconds, such as @10 or @10..12, got \"2s\""),
+            (
+                "wm1:dropped=2/3",
+                "dropped needs a share of the messages, such as dropped=1/3 or dropped=0.2, got \"2/3\"",
+            ),
+        ] {
+            assert_eq!(parse(text).unwrap_err(), refused);
+        }
+        assert!(parse("wm1").unwrap_err().starts_with("expected TARGET:KIND"));
+    }
+
+    #[test]
+    fn a_target_that_the_stack_does_not_have_is_refused_with_the_names_that_are_nearest() {
+        for (text, what, near) in [
+            ("truth_drivr:frozen", "process or buffer truth_drivr", "truth_driver"),
+            ("truth_driver/drive:frozen", "process or buffer truth_driver/drive", "/truth_driver/drive"),
+            ("/truth_driver/driv:frozen", "buffer /truth_driver/driv", "/truth_driver/drive"),
+        ] {
+            let refused = acts(&[text.to_owned()], &plan()).unwrap_err().to_string();
+            let says = format!("the stack truth_driver has no {what}; the nearest names are {near}, ");
+            assert!(refused.contains(&says), "{refused}");
         }
     }
 

@@ -12,7 +12,7 @@ use crate::output::Files;
 use crate::parts;
 use ocu_views::TopicKey;
 use rcs_msg::AnyMessage;
-use rcs_runtime::source::{Control, Frame};
+use rcs_runtime::source::{Control, Frame, SourceKind};
 use std::path::{Path, PathBuf};
 
 /// The dialogs, of which each may be open.
@@ -78,16 +78,21 @@ impl FileDialogs {
             None | Some(Saved::Open) => {}
             Some(Saved::Cancelled) => self.save_params = None,
             Some(Saved::Written(path)) => {
-                self.save_params = None;
+                let running = frame.filter(|frame| frame.info.kind != SourceKind::Log);
+                let saved = self.save_params.take();
+                let is_in_force = saved.zip(running).map(|(saved, frame)| saved.is_in_force(frame));
                 let whole = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
-                let text = format!(
-                    "Saved: {}. `ocu --stack {}` starts with it; what runs now changes only when you press Send.",
-                    whole.display(),
-                    path.display()
-                );
+                let mut text =
+                    format!("Saved: {}. `ocu --stack {}` starts with it", whole.display(), path.display());
+                text.push_str(match is_in_force {
+                    Some(false) => "; what runs now changes only when you press Send.",
+                    Some(true) | None => ".",
+                });
                 notices.news(Matter::Run, text);
-                // From now on this is the stack that runs: it has these parameters.
-                current.stack = Some(path.display().to_string());
+                // From now on this is the stack that runs: it has the parameters in force.
+                if is_in_force == Some(true) && current.stack.is_some() {
+                    current.stack = Some(path.display().to_string());
+                }
             }
         }
         match self.load_param.as_mut().and_then(|dialog| dialog.ui(ctx, frame)) {
@@ -126,6 +131,44 @@ mod tests {
     use egui::Key;
     use egui_kittest::Harness;
     use egui_kittest::kittest::{NodeT as _, Queryable as _};
+    use rcs_msg::params::with_params;
+    use rcs_runtime::source::Task;
+
+    #[test]
+    fn the_stack_that_runs_is_called_by_the_saved_file_only_where_it_has_what_was_saved() {
+        let dir = tempfile::tempdir().unwrap();
+        let (stack, course) = (Some("truth_driver".to_owned()), Some("meadow".to_owned()));
+        let request = Request { stack, course, ..Request::default() };
+        let mut source = crate::stacks::open(&request).unwrap();
+        let begun = source.info().start.after_ns(100_000_000);
+        source.seek(begun, &Task::default()).unwrap();
+        let frame = source.frame();
+        let info = frame.processes.iter().find(|info| info.name == "truth_driver").unwrap();
+        let in_force = frame.topic(&info.params_buffer).unwrap().canonical().unwrap();
+        let params = with_params(in_force, [("vehicle_width_m", "0.9")]).unwrap();
+        let stack_after = |frame: &Frame, file: &Path| {
+            let state = (FileDialogs::default(), request.clone(), Notices::default());
+            let mut harness = Harness::new_ui_state(
+                |ui, (dialogs, request, notices): &mut (FileDialogs, Request, Notices)| {
+                    dialogs.ui(ui.ctx(), request, Some(frame), &mut Vec::new(), notices);
+                },
+                state,
+            );
+            ocu_ui::install(&harness.ctx);
+            let mut dialog = SaveParams::new(&request, frame, "truth_driver", &params);
+            dialog.file = PathRow::new(file.display().to_string());
+            harness.state_mut().0.save_params = Some(dialog);
+            harness.run();
+            harness.get_by_label("Save").click();
+            harness.run();
+            assert!(file.exists() && harness.state().0.save_params.is_none());
+            harness.state().1.stack.clone()
+        };
+        let [unsent, sent] = ["unsent.toml", "sent.toml"].map(|name| dir.path().join(name));
+        assert_eq!(stack_after(&frame, &unsent).as_deref(), Some("truth_driver"));
+        source.write(&info.params_buffer, params.clone()).unwrap();
+        assert_eq!(stack_after(&source.frame(), &sent), Some(sent.display().to_string()));
+    }
 
     #[test]
     fn enter_replaces_no_file_and_the_open_log_and_stack_are_never_written() {

@@ -90,7 +90,7 @@ impl Window {
         for wish in wishes {
             match wish {
                 Wish::SaveParams { process, params } => {
-                    self.dialogs.save_params = Some(SaveParams::new(&self.current, &process, &params));
+                    self.dialogs.save_params = Some(SaveParams::new(&self.current, frame, &process, &params));
                 }
                 Wish::SaveMessage { topic, message } => {
                     if let Err(error) = self.dialogs.save_message(&topic, &message) {

@@ -1,20 +1,24 @@
 //! Saving parameters to the stack file: the difference is shown first, and written when the user says so.
 
 use super::dialog::{PathRow, Purpose, dialog, save};
+use super::top_menus::course_of;
 use crate::open::Request;
 use crate::output::Files;
-use crate::{say, stack_edit, stacks};
+use crate::{bundled, say, stack_edit, stacks};
+use anyhow::Context as _;
 use egui::{RichText, ScrollArea};
 use ocu_ui::{tokens, widgets};
 use rcs_msg::AnyMessage;
+use rcs_runtime::source::Frame;
 use similar::{ChangeTag, TextDiff};
 use std::path::PathBuf;
 
 /// The dialog, while it is open.
 pub(super) struct SaveParams {
     process: String,
+    params: AnyMessage,
     /// The file, which the user may change.
-    file: PathRow,
+    pub(super) file: PathRow,
     /// What would change, or why it cannot be written.
     edit: Result<Edit, String>,
 }
@@ -41,11 +45,18 @@ pub(super) enum Saved {
 }
 
 impl SaveParams {
-    /// Prepares to write parameters into the stack that runs.
-    pub(super) fn new(current: &Request, process: &str, params: &AnyMessage) -> Self {
-        let edit = prepare(current, process, params).map_err(|error| say(&error));
+    /// Prepares to write parameters into the stack that runs, or ran in the recording.
+    pub(super) fn new(current: &Request, frame: &Frame, process: &str, params: &AnyMessage) -> Self {
+        let edit = prepare(current, frame, process, params).map_err(|error| say(&error));
         let file = edit.as_ref().map(|edit| edit.file.clone()).unwrap_or_default();
-        Self { process: process.to_owned(), file: PathRow::new(file), edit }
+        Self { process: process.to_owned(), params: params.clone(), file: PathRow::new(file), edit }
+    }
+
+    /// Whether the process has the parameters that are saved.
+    pub(super) fn is_in_force(&self, frame: &Frame) -> bool {
+        let info = frame.processes.iter().find(|info| info.name == self.process);
+        let now = info.and_then(|info| frame.topic(&info.params_buffer)?.canonical()?.value().ok());
+        now.is_some() && now == self.params.value().ok()
     }
 
     /// Paints the dialog; no file of `in_use` is written, and none from which the stack would not start.
@@ -75,16 +86,32 @@ impl SaveParams {
     }
 }
 
-/// What would change in the file of the stack that runs.
-fn prepare(current: &Request, process: &str, params: &AnyMessage) -> anyhow::Result<Edit> {
-    let Some(spec) = &current.stack else {
-        anyhow::bail!("nothing runs here from a stack file, so there is none to write to");
+/// What would change in the file of the stack that runs, or ran in the recording.
+fn prepare(current: &Request, frame: &Frame, process: &str, params: &AnyMessage) -> anyhow::Result<Edit> {
+    let (file, old, course) = match &current.stack {
+        Some(spec) => {
+            let (file, old) = stacks::text_of(spec)?;
+            (file, old, current.course.as_deref())
+        }
+        None => recorded_stack(current, frame, process)?,
     };
-    let (file, old) = stacks::text_of(spec)?;
-    let course = current.course.as_deref();
     let new = stack_edit::with_params(&file, &old, course, process, params)?;
     let unwritten = stack_edit::unwritten(&file, &old, course, process, params)?;
-    Ok(Edit { file, course: current.course.clone(), old, new, unwritten })
+    Ok(Edit { file, course: course.map(str::to_owned), old, new, unwritten })
+}
+
+/// The stack of a recorded run: a file of its name, its text with all of its parts, and the course if that is a bundled
+/// one, else `None` for the stack's own.
+fn recorded_stack<'a>(
+    current: &'a Request,
+    frame: &'a Frame,
+    process: &str,
+) -> anyhow::Result<(String, String, Option<&'a str>)> {
+    let info = frame.processes.iter().find(|info| info.name == process);
+    let run = info.and_then(|info| frame.run_info(frame.topic(&info.params_buffer)?.run));
+    let run = run.context("the recording does not say which stack ran, so there is no file to write to")?;
+    let course = course_of(current, frame).filter(|course| bundled::file("course", course).is_some());
+    Ok((format!("{}.toml", run.stack), run.stack_text.clone(), course))
 }
 
 /// The changed lines with three lines around them, marked by sign and colour; and what is not written.
@@ -124,8 +151,16 @@ mod tests {
     use super::*;
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
+    use rcs_msg::Stamp;
     use rcs_msg::params::with_params;
+    use rcs_runtime::source::Task;
+    use rcs_runtime::{RecordOptions, RecordWhat};
     use std::path::Path;
+    use std::sync::Arc;
+
+    fn no_frame() -> Frame {
+        Frame::empty(Arc::default(), Stamp(0))
+    }
 
     /// A dialog in a window of its own.
     fn shown(dialog: SaveParams) -> Harness<'static, Option<SaveParams>> {
@@ -149,7 +184,7 @@ mod tests {
         let process = plan.processes.iter().find(|process| &*process.name == "waypoint_generator").unwrap();
         let request = Request { stack: Some("lagr".to_owned()), ..Request::default() };
         let says = |params: &AnyMessage, text: &str| {
-            let harness = shown(SaveParams::new(&request, "waypoint_generator", params));
+            let harness = shown(SaveParams::new(&request, &no_frame(), "waypoint_generator", params));
             harness.query_by_label(text).is_some()
         };
         let loaded = with_params(&process.params, [("route", "blake3:0123")]).unwrap();
@@ -157,6 +192,28 @@ mod tests {
             ("Not written, because it is a file: route", "The stack file says the same already.");
         assert!(says(&loaded, unwritten) && !says(&loaded, same));
         assert!(says(&process.params, same) && !says(&process.params, unwritten));
+    }
+
+    #[test]
+    fn parameters_of_a_recorded_run_are_saved_to_a_file_of_its_stack() {
+        let dir = tempfile::tempdir().unwrap();
+        let log = dir.path().join("run.mcap");
+        let (stack, course) = (Some("truth_driver".to_owned()), Some("meadow".to_owned()));
+        let mut source = stacks::open(&Request { stack, course, ..Request::default() }).unwrap();
+        let what = RecordWhat::Journal;
+        source.record(&log, &RecordOptions { lossless: true, what, ..RecordOptions::default() }).unwrap();
+        let end = source.info().start.after_ns(300_000_000);
+        source.seek(end, &Task::default()).unwrap();
+        drop(source);
+
+        let request = Request { log: Some(log), ..Request::default() };
+        let frame = stacks::open(&request).unwrap().frame();
+        let info = frame.processes.iter().find(|info| info.name == "truth_driver").unwrap();
+        let in_force = frame.topic(&info.params_buffer).unwrap().canonical().unwrap();
+        let params = with_params(in_force, [("vehicle_width_m", "0.9")]).unwrap();
+        let dialog = SaveParams::new(&request, &frame, "truth_driver", &params);
+        assert_eq!(dialog.edit.as_ref().map(|edit| edit.file.as_str()), Ok("truth_driver.toml"));
+        assert!(shown(dialog).query_by_label("+ vehicle_width_m = 0.9").is_some());
     }
 
     #[test]
@@ -176,7 +233,7 @@ mod tests {
         let params = with_params(&plan.processes[0].params, [("max_speed_mps", "0.9")]).unwrap();
         let request = Request { stack: Some(mine), ..Request::default() };
         let pressed = |path: &str| {
-            let mut dialog = SaveParams::new(&request, "vehicle_interface", &params);
+            let mut dialog = SaveParams::new(&request, &no_frame(), "vehicle_interface", &params);
             dialog.file = PathRow::new(path);
             let mut harness = shown(dialog);
             harness.get_by_label(if Path::new(path).exists() { "Replace" } else { "Save" }).click();

@@ -193,7 +193,7 @@ fn stack_of<'a>(current: &'a Request, frame: Option<&'a Frame>) -> Option<&'a st
 /// The course of the viewed run, as the run itself says, because another one can be set as a parameter; until it says
 /// so, the one that was asked for. A course from a file is called by its file: copies of a course all have the name that
 /// is written in them.
-fn course_of<'a>(current: &'a Request, frame: &'a Frame) -> Option<&'a str> {
+pub(super) fn course_of<'a>(current: &'a Request, frame: &'a Frame) -> Option<&'a str> {
     let asked = current.course.as_deref();
     let run = frame.topics_of_type("rcs.CourseRun").find_map(|topic| topic.get::<CourseRun>());
     let told = run.map(|run| run.course.as_str()).filter(|course| !course.is_empty());

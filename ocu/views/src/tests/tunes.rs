@@ -211,6 +211,20 @@ fn kept_sets_are_switched_between_where_nothing_can_be_sent() {
 }
 
 #[test]
+fn parameters_of_a_recording_can_be_saved_where_it_says_which_stack_ran() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    let frame = &mut harness.state_mut().frame;
+    frame.info = Arc::new(SourceInfo { kind: SourceKind::Log, ..(*frame.info).clone() });
+    harness.run();
+    assert!(harness.get_by_label_contains("Save…").accesskit_node().is_disabled());
+    let run = RunInfo { stack_text: "format = 1".to_owned(), ..RunInfo::default() };
+    put(&mut harness, &samples::topic("/runtime/run", 0.0, 12.0, run));
+    harness.get_by_label_contains("Save…").click();
+    harness.run();
+    assert!(matches!(harness.state().wishes.as_slice(), [Wish::SaveParams { .. }]));
+}
+
+#[test]
 fn a_change_that_is_on_its_way_is_not_sent_again_until_it_counts_as_lost() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
     send_two(&mut harness);

@@ -18,7 +18,7 @@ use ocu_ui::bar::{self, Bar, Choice, Fit};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::params::ParamSpec;
 use rcs_msg::{AnyMessage, Value, rcs};
-use rcs_runtime::source::{Control, Frame, RunTag};
+use rcs_runtime::source::{Control, Frame, RunTag, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
@@ -235,8 +235,7 @@ pub(crate) fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMess
 
 /// The parameters with which a process began its run, as the stack gave them; `None` if the run does not state them.
 fn given(frame: &Frame, info: &rcs::ProcessInfo, in_force: &AnyMessage) -> Option<Value> {
-    let run = frame.topic(&info.params_buffer)?.run;
-    let begun = frame.topics_of_type("rcs.RunInfo").find(|topic| topic.run == run)?.get::<rcs::RunInfo>()?;
+    let begun = frame.run_info(frame.topic(&info.params_buffer)?.run)?;
     let given = begun.params.iter().find(|given| given.process == info.name)?;
     in_force.schema().value(&given.params).ok()
 }
@@ -244,6 +243,12 @@ fn given(frame: &Frame, info: &rcs::ProcessInfo, in_force: &AnyMessage) -> Optio
 /// The run of the parameters of a process.
 fn run_of(frame: &Frame, info: &rcs::ProcessInfo) -> RunTag {
     frame.topic(&info.params_buffer).map_or(RunTag::FIRST, |params| params.run)
+}
+
+/// Whether the stack of a process is known, to which its parameters can be saved: that of a run is.
+fn has_stack(frame: &Frame, info: &rcs::ProcessInfo) -> bool {
+    frame.info.kind != SourceKind::Log
+        || frame.run_info(run_of(frame, info)).is_some_and(|run| !run.stack_text.is_empty())
 }
 
 /// Sends all changes at this time of the window.
@@ -329,7 +334,9 @@ fn actions(
             draft.forget_kept();
         }
         ui.separator();
-        let save = ui.button(format!("{}  Save…", icons::ICON_SAVE.codepoint));
+        let button = egui::Button::new(format!("{}  Save…", icons::ICON_SAVE.codepoint));
+        let why = "The recording does not say which stack ran, so there is no file to write to.";
+        let save = ui.add_enabled(has_stack(cx.frame, info), button).on_disabled_hover_text(why);
         let help = "Write these parameters into the stack file; the difference is shown first";
         if save.on_hover_text(help).clicked() {
             let params = draft.message(in_force);

@@ -2,7 +2,6 @@
 
 use crate::compare::{Entry, is_compared};
 use crate::history::Piece;
-use crate::record::complete_from;
 use crate::stack::Plan;
 use rcs_bus::Sample;
 use rcs_log::{Cursor, CursorOptions, Log, Reassembly, TopicId};
@@ -128,7 +127,7 @@ impl Reading {
     /// The time before which a recording that began during its run has no messages.
     pub(super) fn begins(&self) -> Option<Stamp> {
         let Origin::Log(from) = &self.from else { return None };
-        complete_from(&from.log)
+        from.log.info().complete_from
     }
 
     /// The time of the last message of a recording; `None` for a run, which may go on.
