@@ -72,7 +72,7 @@ fn compressed(file: &Path) -> anyhow::Error {
     ))
 }
 
-/// Whether a file is named like a bag of ROS 2 in SQLite, compressed or not.
+/// Whether a file is named like a bag of ROS 2 in `SQLite`, compressed or not.
 fn is_database(file: &Path) -> bool {
     has_ending(file, "db3") || (has_ending(file, "zstd") && has_ending(&file.with_extension(""), "db3"))
 }

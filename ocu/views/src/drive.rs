@@ -10,8 +10,9 @@ use egui::{
 };
 use ocu_ui::widgets::{self, mono, name_value};
 use ocu_ui::{Icon, format, icons, stale, tokens};
+use rcs_msg::foxglove::Odometry;
 use rcs_msg::rcs::{self, CourseOutcome};
-use rcs_runtime::Role::Mission;
+use rcs_runtime::Role::{Mission, Pose};
 use rcs_runtime::source::{Frame, Topic};
 
 /// Width of the name column, and of that of the motion in a narrow view.
@@ -38,6 +39,7 @@ impl View for Drive {
         let inputs = Inputs::of(cx.frame);
         let vehicle = operator::vehicle(cx.frame);
         let run = cx.frame.topics_of_type("rcs.CourseRun").find_map(Topic::get::<rcs::CourseRun>);
+        let stated = stated_mission(cx.frame);
         if inputs == Inputs::default() && vehicle.is_none() && run.is_none() {
             let hint = "A stack with a vehicle would fill it: start the program without a recording.";
             return widgets::empty(ui, icons::ICON_SPORTS_ESPORTS, "Nothing to drive", hint);
@@ -57,9 +59,11 @@ impl View for Drive {
                 ui.vertical(|ui| {
                     (ui.spacing_mut().item_spacing.y, ui.spacing_mut().interact_size.y) = (2.0, 16.0);
                     if let Some(run) = run {
-                        course(ui, run);
+                        course(ui, run, stated.is_some());
                     }
-                    mission(ui, cx.frame);
+                    if let Some(stated) = stated {
+                        mission(ui, cx.frame, stated);
+                    }
                     ui.add_space(8.0);
                     motion(ui, cx.frame, &inputs, vehicle);
                 });
@@ -274,27 +278,44 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     }
 }
 
-/// How many of the goals that the operator has sent are reached.
-fn mission(ui: &mut Ui, frame: &Frame) {
+/// The mission that the vehicle obeys, if it has goals.
+fn stated_mission(frame: &Frame) -> Option<&rcs::Mission> {
     let missions = frame.topics_of_type("rcs.Mission").filter(|topic| topic.role() == Some(Mission));
-    let Some(mission) = missions.filter_map(Topic::get::<rcs::Mission>).find(|it| !it.goals.is_empty())
-    else {
-        return;
-    };
+    missions.filter_map(Topic::get::<rcs::Mission>).find(|it| !it.goals.is_empty())
+}
+
+/// Distance from the estimated position of the vehicle to the goal of its mission that it drives to, m; `None` where all
+/// were reached, or no position is known in the frame of the mission.
+fn to_next_goal_m(frame: &Frame, mission: &rcs::Mission) -> Option<f64> {
+    let goal = mission.goals.get(mission.reached as usize)?;
+    let poses = frame.topics_of_type("foxglove.Odometry");
+    let poses = poses.filter(|topic| topic.role() == Some(Pose) && !topic.is_ground_truth());
+    let mut poses = poses.filter_map(Topic::get::<Odometry>);
+    let pose = poses.find(|pose| pose.frame_id == mission.frame_id)?.pose.as_ref()?;
+    let at = pose.position?;
+    Some((goal.x_m - at.x).hypot(goal.y_m - at.y))
+}
+
+/// How many of the goals that the operator has sent are reached, and how far the next one is.
+fn mission(ui: &mut Ui, frame: &Frame, mission: &rcs::Mission) {
     let (reached, all) = (mission.reached as usize, mission.goals.len());
     let color = if reached >= all { tokens(ui).ok } else { tokens(ui).text };
     let text = if all == 1 && reached == 1 {
         "goal reached".to_owned()
     } else {
-        format!("{reached} of {all} goals reached")
+        format!("{reached} of {all} goal{} reached", if all == 1 { "" } else { "s" })
     };
     name_value(ui, NAMES, "Mission", egui::RichText::new(text).color(color)).on_hover_text(
         "The goals that were sent to the robot; they take the place of the goal of the course.",
     );
+    if let Some(distance_m) = to_next_goal_m(frame, mission) {
+        name_value(ui, NAMES, "Next goal", mono(format!("{distance_m:6.1} m")))
+            .on_hover_text("To the next goal of the mission, from the estimated position.");
+    }
 }
 
-/// Progress of the course.
-fn course(ui: &mut Ui, run: &rcs::CourseRun) {
+/// Progress of the course; `has_mission`: whether the vehicle drives to other goals than that of the course.
+fn course(ui: &mut Ui, run: &rcs::CourseRun, has_mission: bool) {
     let tokens = tokens(ui);
     let (icon, word, color) = match run.outcome() {
         CourseOutcome::CourseRunning => (icons::ICON_FLAG, "RUNNING", tokens.accent),
@@ -312,8 +333,10 @@ fn course(ui: &mut Ui, run: &rcs::CourseRun) {
     let limit = (run.time_limit_s > 0.0).then(|| format!(" of {}", minutes(run.time_limit_s)));
     let time = minutes(run.time_s) + &limit.unwrap_or_default();
     name_value(ui, NAMES, "Time", mono(time));
-    name_value(ui, NAMES, "To the goal", mono(format!("{:6.1} m", run.remaining_m))).on_hover_text(
-        "From the true position, as the referee of the simulation has it. The map measures from the estimated one.",
+    let goal = if has_mission { "Course goal" } else { "To the goal" };
+    name_value(ui, NAMES, goal, mono(format!("{:6.1} m", run.remaining_m))).on_hover_text(
+        "To the goal of the course, from the true position, as the referee of the simulation has it. The map measures from \
+         the estimated one.",
     );
     name_value(ui, NAMES, "Driven", mono(format!("{:6.1} m", run.distance_m)));
     let count = |ui: &mut Ui, name: &str, count: u32, bad: Color32| {

@@ -39,6 +39,8 @@ pub struct Hover {
     pub point: Option<HoverPoint>,
     /// A time of the source.
     pub time: Option<Stamp>,
+    /// The frame of a map with a mission that is being drawn and has a change to take back.
+    pub mission: Option<Arc<str>>,
 }
 
 /// What is hovered, in two phases: all views read what was said in the last pass, and say what holds in this one. So

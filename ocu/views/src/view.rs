@@ -74,6 +74,14 @@ pub struct Selection {
     pub sweep: Arc<SweepState>,
 }
 
+impl Selection {
+    /// Takes back the last change of the mission that is being drawn on the map under the pointer; whether there was one.
+    pub fn undo_under_pointer(&mut self) -> bool {
+        let Some(map) = self.hovered.get().mission.as_deref() else { return false };
+        self.drafts.missions.get_mut(map).is_some_and(MissionDraft::undo)
+    }
+}
+
 /// Work that was not sent. It outlives the views in which it is done, so that another layout loses none of it, and views of
 /// the same thing share it.
 #[derive(Clone, Debug, Default)]
@@ -83,6 +91,8 @@ pub struct Drafts {
     pub(crate) params: BTreeMap<(String, Option<RunId>), ParamsDraft>,
     /// Missions that are being drawn, by the frame of the map.
     pub(crate) missions: BTreeMap<String, MissionDraft>,
+    /// The one that was closed last, if it had changes that were not sent, by the frame of the map.
+    pub(crate) closed_missions: BTreeMap<String, MissionDraft>,
     /// Examples for learning that are being drawn, by the frame of the map.
     pub(crate) examples: BTreeMap<String, Example>,
     /// Edited fields, by topic, and by the run as above.
@@ -108,7 +118,8 @@ impl Drafts {
     #[must_use]
     pub fn after_restart(mut self) -> Self {
         self.params.values_mut().for_each(ParamsDraft::forget_sent);
-        self.missions.values_mut().for_each(MissionDraft::replaced);
+        let missions = self.missions.values_mut().chain(self.closed_missions.values_mut());
+        missions.for_each(MissionDraft::forget_sending);
         self.examples.values_mut().for_each(Example::forget_sent);
         self.fields.values_mut().for_each(FieldsDraft::forget_sent);
         self

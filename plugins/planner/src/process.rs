@@ -353,9 +353,9 @@ impl AStarPlanner {
         // On coarse cells, the goal may not be reached in the middle of its cell.
         let sensed = &self.memory.reader.sensed;
         let radius_m = self.goal_radius_m(params);
-        let ends_beside = points.last().is_some_and(|&end| {
-            sensed.place(end) == sensed.place(goal) && end.distance(goal) > radius_m
-        });
+        let ends_beside = points
+            .last()
+            .is_some_and(|&end| sensed.place(end) == sensed.place(goal) && end.distance(goal) > radius_m);
         if ends_beside {
             points.push(goal);
         }

@@ -192,9 +192,8 @@ fn order_child(
 ) -> bool {
     let is_halt = matches!(order, Order::Halt);
     let is_run = matches!(order, Order::Run);
-    let again = |report: ChildReport| {
-        report.is_ordered_again(is_halt) && !(is_run && report.runs_by_own_command)
-    };
+    let again =
+        |report: ChildReport| report.is_ordered_again(is_halt) && !(is_run && report.runs_by_own_command);
     (is_new || cx.child(child).is_some_and(again)) && cx.send(child, order.clone())
 }
 

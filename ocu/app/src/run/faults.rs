@@ -84,9 +84,8 @@ fn parse(text: &str) -> Result<Entry, String> {
          nan[=FIELD], dropped[=1/N or =PROBABILITY] or late=MS, or a file that ends with .toml",
     )?;
     let (kind, value) = kind.split_once('=').map_or((kind, None), |(kind, value)| (kind, Some(value)));
-    let number = |text: &str, needed: &str| {
-        text.trim().parse::<f64>().map_err(|_| format!("{needed}, got {text:?}"))
-    };
+    let number =
+        |text: &str, needed: &str| text.trim().parse::<f64>().map_err(|_| format!("{needed}, got {text:?}"));
     let mut entry = Entry { kind: kind.to_owned(), ..Entry::default() };
     if target.starts_with('/') { &mut entry.buffer } else { &mut entry.process }.push_str(target);
     match (kind, value) {

@@ -129,7 +129,11 @@ impl Window {
         self.key_list.take_key(ctx, &mut self.keymap);
         let commands = self.keymap.pressed(ctx, stops);
         for &command in &commands {
-            self.run(command, frame, controls);
+            // What is drawn under the pointer goes before the layout.
+            let is_done = command == Command::UndoLayout && self.selection.undo_under_pointer();
+            if !is_done {
+                self.run(command, frame, controls);
+            }
         }
         !commands.is_empty()
     }

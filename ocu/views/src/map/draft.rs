@@ -1,5 +1,9 @@
 //! The draft of a mission: goals, and zones that the vehicle must not enter, which an operator draws on the map.
 //!
+//! Three things are kept apart: what is drawn, what was sent, and what the viewed moment says of that
+//! ([`Draft::follow`]). Whether the draft is as sent, and which of its goals are left, follows from comparing them. So it
+//! is right also after a look back, in another run, and where the sending was taken back.
+//!
 //! Positions are in the frame of the map, m. How near the pointer must be to something is a distance on the screen;
 //! `m_per_point` is the length of a screen point on the map.
 
@@ -14,6 +18,8 @@ const NEAR: f64 = 10.0;
 const SAME_M: f64 = 0.01;
 /// Number of changes that can be taken back.
 const MOST_CHANGES: usize = 100;
+/// For this time of the window, a mission that was sent is awaited in its buffer, s. After that it counts as lost.
+const ON_ITS_WAY_S: f64 = 5.0;
 
 /// What a click on the map adds to the draft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,7 +51,7 @@ pub(super) struct Bounds {
     pub(super) keep_out: Vec<Vec<[f64; 2]>>,
 }
 
-/// A mission that has not been sent.
+/// A mission that is being drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Draft {
     pub(super) adds: Adds,
@@ -57,15 +63,8 @@ pub(crate) struct Draft {
     /// The identity of the next goal that is added.
     next_id: u32,
     drag: Option<Drag>,
-    /// The goals with which the draft began, or which were sent last: the vehicle keeps its goals while these are the
-    /// same.
-    begun: Vec<Goal>,
-    /// The mission to which those goals belong; `None` while the vehicle states none.
-    stated: Option<Stated>,
-    /// Whether the goals replace those of the vehicle even if they are the same.
-    states_goals: bool,
-    /// Whether anything was changed since the draft began or was sent, or another mission has replaced it.
-    pub(super) changed: bool,
+    sent: Sent,
+    viewed: Viewed,
 }
 
 /// A goal. It keeps its identity when it is moved.
@@ -78,7 +77,10 @@ struct Goal {
 /// What is drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Drawn {
+    /// The goals, also those that the vehicle has reached by now.
     goals: Vec<Goal>,
+    /// Whether the mission states its goals: without any, the vehicle stands. Otherwise it keeps the goal that it has.
+    states_goals: bool,
     keep_out: Vec<Vec<[f64; 2]>>,
     /// Corners of the zone that is being drawn.
     corners: Vec<[f64; 2]>,
@@ -96,26 +98,51 @@ struct Drag {
     has_moved: bool,
 }
 
-/// The goals of a mission in its own frame, and how many of them have been reached.
+/// The mission that was sent last, or that was in force when the draft began.
+#[derive(Clone, Debug, Default)]
+struct Sent {
+    /// The operator's newest message with it, by which a moment is known that has it; `None` if there was none.
+    message: Option<Mission>,
+    /// What was drawn.
+    drawn: Drawn,
+    /// Its goals, as the vehicle states them; `None` if it has none.
+    goals: Option<SentGoals>,
+    /// Time of the window when it was sent, s; `None` once it has come to its buffer, or counts as lost.
+    on_its_way_s: Option<f64>,
+}
+
+/// The goals of a mission that was sent: in its own frame, by which they are known again, and as they were drawn.
 #[derive(Clone, Debug)]
-struct Stated {
+struct SentGoals {
     frame_id: String,
-    goals: Vec<[f64; 2]>,
+    places: Vec<[f64; 2]>,
+    drawn: Vec<Goal>,
+}
+
+/// What the viewed moment says of the mission that was sent.
+#[derive(Clone, Copy, Debug, Default)]
+struct Viewed {
+    /// Whether it is the operator's newest one, or on its way.
+    is_newest: bool,
+    /// Whether it has goals, and the vehicle states them.
+    is_obeyed: bool,
+    /// Number of its goals that the vehicle has reached.
     reached: usize,
 }
 
-impl Stated {
-    fn of(mission: &Mission) -> Self {
-        let goals = mission.goals.iter().map(|goal| [goal.x_m, goal.y_m]).collect();
-        Self { frame_id: mission.frame_id.clone(), goals, reached: mission.reached as usize }
+impl SentGoals {
+    /// The goals of a mission, which are drawn like this; `None` if it has none.
+    fn of(mission: &Mission, drawn: Vec<Goal>) -> Option<Self> {
+        let places = mission.goals.iter().map(|goal| [goal.x_m, goal.y_m]).collect();
+        (!drawn.is_empty()).then(|| Self { frame_id: mission.frame_id.clone(), places, drawn })
     }
 
     /// Whether a mission has the same goals.
-    fn is_of(&self, mission: &Mission) -> bool {
+    fn are_of(&self, mission: &Mission) -> bool {
         let is_same = |(a, b): (&[f64; 2], &PlanePoint)| distance_m(*a, [b.x_m, b.y_m]) <= SAME_M;
         self.frame_id == mission.frame_id
-            && self.goals.len() == mission.goals.len()
-            && self.goals.iter().zip(&mission.goals).all(is_same)
+            && self.places.len() == mission.goals.len()
+            && self.places.iter().zip(&mission.goals).all(is_same)
     }
 }
 
@@ -138,81 +165,154 @@ pub(super) fn place(map_from_frame: Pose) -> impl Fn(&PlanePoint) -> [f64; 2] {
 }
 
 impl Draft {
-    /// The draft that begins with the bounds that were sent before, and with the goals that are left of the mission that the
-    /// vehicle obeys.
-    pub(super) fn new(sent: Bounds, obeyed: Option<(&Mission, Pose)>) -> Self {
+    /// The draft that begins with the bounds that were sent before, and with the goals of the mission that the vehicle obeys.
+    /// `newest` is the operator's newest mission.
+    pub(super) fn new(sent: Bounds, newest: Option<&Mission>, obeyed: Option<(&Mission, Pose)>) -> Self {
         let Bounds { area, keep_out } = sent;
-        let mut draft = Self { drawn: Drawn { keep_out, ..Drawn::default() }, area, ..Self::default() };
+        let stands = newest.is_some_and(|mission| !mission.keeps_goals && mission.goals.is_empty());
+        let mut drawn = Drawn { states_goals: stands, keep_out, ..Drawn::default() };
+        let mut goals = None;
         if let Some((mission, map_from_mission)) = obeyed {
-            let left = mission.goals.iter().skip(mission.reached as usize).map(place(map_from_mission));
-            draft.drawn.goals = left.zip(0..).map(|(at, id)| Goal { id, at }).collect();
-            draft.next_id = draft.drawn.goals.len() as u32;
-            draft.begun.clone_from(&draft.drawn.goals);
-            draft.stated = Some(Stated::of(mission));
+            let places = mission.goals.iter().map(place(map_from_mission));
+            drawn.goals = places.zip(0..).map(|(at, id)| Goal { id, at }).collect();
+            drawn.states_goals |= !drawn.goals.is_empty();
+            goals = SentGoals::of(mission, drawn.goals.clone());
         }
+        let next_id = drawn.goals.len() as u32;
+        let sent = Sent { message: newest.cloned(), drawn: drawn.clone(), goals, on_its_way_s: None };
+        let mut draft = Self { drawn, area, next_id, sent, ..Self::default() };
+        draft.follow(newest, obeyed.map(|(mission, _)| mission), 0.0);
         draft
     }
 
     /// The draft with this goal in place of all others; the vehicle drives to it even if its goals are the same.
     pub(super) fn with_only_goal(mut self, at: [f64; 2]) -> Self {
         self.drawn.goals = vec![Goal { id: self.next_id, at }];
-        self.states_goals = true;
+        self.drawn.states_goals = true;
         self
     }
 
-    /// Leaves out the goals that the vehicle has reached since the draft began or was sent. `mission` is the one that the
-    /// vehicle obeys.
-    pub(super) fn follow(&mut self, mission: &Mission) {
-        let Some(stated) = self.stated.as_mut().filter(|stated| stated.is_of(mission)) else { return };
-        let more = (mission.reached as usize).saturating_sub(stated.reached);
-        stated.reached += more;
-        let count = more.min(self.begun.len());
-        let reached: Vec<Goal> = self.begun.drain(..count).collect();
-        for goal in reached {
-            self.leave_out(goal);
+    /// Takes over what the viewed moment has: the operator's newest mission, and the one that the vehicle obeys. `now_s` is
+    /// the time of the window.
+    pub(super) fn follow(&mut self, newest: Option<&Mission>, obeyed: Option<&Mission>, now_s: f64) {
+        let is_newest = newest == self.sent.message.as_ref();
+        let is_lost = |sent_s: f64| now_s > sent_s + ON_ITS_WAY_S;
+        if is_newest || self.sent.on_its_way_s.is_some_and(is_lost) {
+            self.sent.on_its_way_s = None;
         }
+        let goals = self.sent.goals.as_ref();
+        let obeyed = obeyed.filter(|mission| goals.is_some_and(|goals| goals.are_of(mission)));
+        self.viewed = Viewed {
+            is_newest: is_newest || self.is_on_its_way(),
+            is_obeyed: obeyed.is_some(),
+            reached: obeyed.map_or(0, |mission| mission.reached as usize),
+        };
     }
 
-    /// Leaves out a goal that was reached, so that taking changes back does not bring it back either. If the operator has
-    /// moved the goal elsewhere, it stays there.
-    fn leave_out(&mut self, reached: Goal) {
-        let is_elsewhere = self.drawn.goals.iter().any(|goal| goal.id == reached.id && *goal != reached);
-        let is_left_out = |goal: &Goal| goal.id == reached.id && (!is_elsewhere || *goal == reached);
-        for drawn in self.history.iter_mut().chain(std::iter::once(&mut self.drawn)) {
-            drawn.goals.retain(|goal| !is_left_out(goal));
-        }
+    /// Whether the mission was sent and has not come to its buffer yet.
+    pub(super) fn is_on_its_way(&self) -> bool {
+        self.sent.on_its_way_s.is_some()
     }
 
-    /// The draft was sent as this mission.
-    pub(super) fn sent(&mut self, mission: &Mission) {
-        (self.changed, self.states_goals) = (false, false);
+    /// The draft was sent as this mission, at this time of the window.
+    pub(super) fn sent(&mut self, mission: &Mission, now_s: f64) {
         if !mission.keeps_goals {
-            self.begun.clone_from(&self.drawn.goals);
-            self.stated = Some(Stated::of(mission));
+            // What was reached of the mission before is no part of this one.
+            let reached = self.reached().to_vec();
+            for drawn in self.history.iter_mut().chain(std::iter::once(&mut self.drawn)) {
+                drawn.goals.retain(|goal| !reached.contains(goal));
+            }
+            self.sent.goals = SentGoals::of(mission, self.drawn.goals.clone());
+            self.viewed.reached = 0;
+        }
+        self.sent.message = Some(mission.clone());
+        self.sent.drawn.clone_from(&self.drawn);
+        self.sent.on_its_way_s = Some(now_s);
+        self.viewed.is_newest = true;
+    }
+
+    /// The mission is no longer awaited in its buffer: another one was sent after it, or its run has ended.
+    pub(crate) fn forget_sending(&mut self) {
+        self.sent.on_its_way_s = None;
+    }
+
+    /// Whether what is drawn is what the viewed moment has: nothing is left to send.
+    pub(super) fn is_as_sent(&self) -> bool {
+        let Sent { message, drawn, goals, .. } = &self.sent;
+        // Goals that no message of the operator has stated are known from the vehicle alone.
+        let has_goals = message.is_some() || goals.is_none() || self.viewed.is_obeyed;
+        self.viewed.is_newest && has_goals && self.is_same(&self.drawn, drawn)
+    }
+
+    /// How the draft compares with what was sent, in words.
+    pub(super) fn status(&self) -> &'static str {
+        match (self.is_as_sent(), &self.sent) {
+            (false, _) => "not sent",
+            (true, Sent { message: None, goals: None, .. }) => "nothing sent",
+            (true, _) => "as sent",
         }
     }
 
-    /// Another mission was sent, or the run with this one has ended: the draft is not as sent, and its goals are stated.
-    pub(crate) fn replaced(&mut self) {
-        (self.changed, self.states_goals) = (true, true);
+    /// What the vehicle does by a draft without goals, in words; `None` if the draft has some, or all were reached.
+    pub(super) fn without_goals(&self) -> Option<&'static str> {
+        let keeps = "the vehicle keeps its goal";
+        let does = if self.keeps_goals() { keeps } else { "without goals the vehicle stands" };
+        self.drawn.goals.is_empty().then_some(does)
     }
 
-    /// Whether the vehicle keeps the goals that it has: the draft does not change them.
+    /// Whether the vehicle keeps the goals that it has: the draft states none, or those that the vehicle was told last. That
+    /// it stands is told each time: from a message that keeps the goals, nobody could read it.
     fn keeps_goals(&self) -> bool {
-        !self.states_goals && self.drawn.goals == self.begun
+        let is_in_force = self.viewed.is_newest || self.viewed.is_obeyed;
+        match &self.sent.goals {
+            Some(sent) if is_in_force => self.goals().eq(sent.drawn.iter().skip(self.viewed.reached)),
+            None if is_in_force && self.sent.drawn.states_goals => false,
+            _ => !self.drawn.states_goals,
+        }
     }
 
-    /// Adds a goal or a corner of a zone. A click on a goal adds nothing, unless it closes the zone.
+    /// The goals of the mission that the vehicle has reached at the viewed moment.
+    fn reached(&self) -> &[Goal] {
+        let goals = self.sent.goals.as_ref().map(|sent| sent.drawn.as_slice()).unwrap_or_default();
+        &goals[..self.viewed.reached.min(goals.len())]
+    }
+
+    /// The goals of a drawing that are left at the viewed moment. One that was moved from where it was reached is left.
+    fn left<'a>(&'a self, drawn: &'a Drawn) -> impl DoubleEndedIterator<Item = &'a Goal> {
+        let reached = self.reached();
+        drawn.goals.iter().filter(move |goal| !reached.contains(goal))
+    }
+
+    /// The goals that are drawn and left.
+    fn goals(&self) -> impl DoubleEndedIterator<Item = &Goal> {
+        self.left(&self.drawn)
+    }
+
+    /// Whether two drawings are the same at the viewed moment.
+    fn is_same(&self, a: &Drawn, b: &Drawn) -> bool {
+        self.left(a).eq(self.left(b))
+            && a.states_goals == b.states_goals
+            && a.keep_out == b.keep_out
+            && a.corners == b.corners
+    }
+
+    /// Adds a goal or a corner of a zone. A click on a goal adds nothing, unless it closes the zone. One on the first corner
+    /// closes a zone also while clicks add goals.
     pub(super) fn click(&mut self, at: [f64; 2], m_per_point: f64) {
-        let (adds, id, reach_m) = (self.adds, self.next_id, NEAR * m_per_point);
-        let closes = adds == Adds::Zone && is_first(&self.drawn.corners, at, reach_m);
-        if !closes && self.goal_at(at, m_per_point).is_some() {
+        let (id, reach_m) = (self.next_id, NEAR * m_per_point);
+        let is_on_first = is_first(&self.drawn.corners, at, reach_m);
+        let is_of_zone = self.adds == Adds::Zone || (is_on_first && self.drawn.corners.len() >= 3);
+        if !(is_of_zone && is_on_first) && self.goal_at(at, m_per_point).is_some() {
             return;
         }
         self.next_id += 1;
-        self.change(|drawn| match adds {
-            Adds::Goal => drawn.goals.push(Goal { id, at }),
-            Adds::Zone => drawn.keep_out.extend(corner(&mut drawn.corners, at, reach_m)),
+        self.change(|drawn| {
+            if is_of_zone {
+                drawn.keep_out.extend(corner(&mut drawn.corners, at, reach_m));
+            } else {
+                drawn.goals.push(Goal { id, at });
+                drawn.states_goals = true;
+            }
         });
     }
 
@@ -266,23 +366,28 @@ impl Draft {
         });
     }
 
-    /// Deletes all goals and zones.
+    /// Deletes all goals and zones: the vehicle is to stand.
     pub(super) fn clear(&mut self) {
-        self.change(|drawn| *drawn = Drawn::default());
+        self.change(|drawn| *drawn = Drawn { states_goals: true, ..Drawn::default() });
     }
 
     /// Takes the last change back; whether there was one.
-    pub(super) fn undo(&mut self) -> bool {
+    pub(crate) fn undo(&mut self) -> bool {
         self.drag = None;
-        while let Some(before) = self.history.pop() {
-            // If what was changed has been reached since, nothing is left to take back.
-            if before != self.drawn {
-                self.drawn = before;
-                self.changed = true;
-                return true;
-            }
-        }
-        false
+        let Some(last) = self.last_change() else { return false };
+        self.drawn = self.history.swap_remove(last);
+        self.history.truncate(last);
+        true
+    }
+
+    /// Whether there is a change to take back.
+    pub(super) fn can_undo(&self) -> bool {
+        self.last_change().is_some()
+    }
+
+    /// Index in the history of what was drawn before the last change. A change of what was reached since is none.
+    fn last_change(&self) -> Option<usize> {
+        self.history.iter().rposition(|before| !self.is_same(before, &self.drawn))
     }
 
     fn change(&mut self, edit: impl FnOnce(&mut Drawn)) {
@@ -300,7 +405,6 @@ impl Draft {
             self.history.remove(0);
         }
         self.history.push(before);
-        self.changed = true;
     }
 
     /// The corners of the zone that is being drawn.
@@ -310,13 +414,24 @@ impl Draft {
 
     /// Where a point of the draft is.
     pub(super) fn place(&self, handle: Handle) -> Option<[f64; 2]> {
-        self.drawn.handles().find(|(other, _)| *other == handle).map(|(_, at)| at)
+        self.handles().find(|(other, _)| *other == handle).map(|(_, at)| at)
+    }
+
+    /// The points that can be dragged and their places, in the order in which they are painted.
+    fn handles(&self) -> impl DoubleEndedIterator<Item = (Handle, [f64; 2])> {
+        let corners = self.drawn.keep_out.iter().enumerate().flat_map(|(zone, corners)| {
+            corners.iter().enumerate().map(move |(index, at)| (Handle::Corner(zone, index), *at))
+        });
+        let goals = self.goals().map(|goal| (Handle::Goal(goal.id), goal.at));
+        let open = self.drawn.corners.iter().enumerate();
+        let open = open.map(|(index, at)| (Handle::OpenCorner(index), *at));
+        corners.chain(goals).chain(open)
     }
 
     /// The point of the draft that is nearest to a place and near enough to be dragged from there.
     pub(super) fn handle_at(&self, at: [f64; 2], m_per_point: f64) -> Option<Handle> {
         // Of two at one place, the upper one.
-        let away = self.drawn.handles().rev().map(|(handle, place)| (handle, distance_m(place, at)));
+        let away = self.handles().rev().map(|(handle, place)| (handle, distance_m(place, at)));
         let near = away.filter(|(handle, away_m)| *away_m <= handle.reach() * m_per_point);
         near.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(handle, _)| handle)
     }
@@ -324,7 +439,8 @@ impl Draft {
     /// The goal on whose disc a place lies: its identity, and its number on the map.
     pub(super) fn goal_at(&self, at: [f64; 2], m_per_point: f64) -> Option<(u32, usize)> {
         let reach_m = f64::from(GOAL_RADIUS) * m_per_point;
-        let away = self.drawn.goals.iter().enumerate().rev();
+        let goals: Vec<&Goal> = self.goals().collect();
+        let away = goals.iter().enumerate().rev();
         let away = away.map(|(index, goal)| (goal.id, index + 1, distance_m(goal.at, at)));
         let near = away.filter(|(_, _, away_m)| *away_m <= reach_m);
         near.min_by(|(_, _, a), (_, _, b)| a.total_cmp(b)).map(|(id, number, _)| (id, number))
@@ -345,7 +461,7 @@ impl Draft {
         Mission {
             timestamp: None,
             frame_id: frame_id.to_owned(),
-            goals: self.drawn.goals.iter().map(|goal| point(&goal.at)).collect(),
+            goals: self.goals().map(|goal| point(&goal.at)).collect(),
             area: self.area.as_ref().map(zone),
             keep_out: self.drawn.keep_out.iter().map(zone).collect(),
             reached: 0,
@@ -370,7 +486,7 @@ impl Draft {
     /// that hold also after the draft is sent; an area of the draft takes the place of theirs.
     pub(super) fn goal_warning(&self, standing: &Bounds) -> Option<String> {
         let area = self.area.as_ref().or(standing.area.as_ref());
-        self.drawn.goals.iter().zip(1..).find_map(|(goal, number)| {
+        self.goals().zip(1..).find_map(|(goal, number)| {
             let mut zones = self.drawn.keep_out.iter().chain(&standing.keep_out);
             if zones.any(|zone| is_in_or_near(zone, goal.at, 0.0)) {
                 return Some(format!("goal {number} lies in a keep-out zone"));
@@ -383,7 +499,7 @@ impl Draft {
     /// How much the draft has of each kind.
     pub(super) fn summary(&self) -> String {
         let count = |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
-        let (goals, zones) = (self.drawn.goals.len(), self.drawn.keep_out.len());
+        let (goals, zones) = (self.goals().count(), self.drawn.keep_out.len());
         format!("{}, {}", count(goals, "goal"), count(zones, "keep-out zone"))
     }
 }
@@ -399,16 +515,6 @@ impl Handle {
 }
 
 impl Drawn {
-    /// The points that can be dragged and their places, in the order in which they are painted.
-    fn handles(&self) -> impl DoubleEndedIterator<Item = (Handle, [f64; 2])> {
-        let corners = self.keep_out.iter().enumerate().flat_map(|(zone, corners)| {
-            corners.iter().enumerate().map(move |(index, at)| (Handle::Corner(zone, index), *at))
-        });
-        let goals = self.goals.iter().map(|goal| (Handle::Goal(goal.id), goal.at));
-        let open = self.corners.iter().enumerate().map(|(index, at)| (Handle::OpenCorner(index), *at));
-        corners.chain(goals).chain(open)
-    }
-
     fn place_mut(&mut self, handle: Handle) -> Option<&mut [f64; 2]> {
         match handle {
             Handle::Goal(id) => self.goals.iter_mut().find(|goal| goal.id == id).map(|goal| &mut goal.at),

@@ -15,17 +15,28 @@ fn mission(goals: &[[f64; 2]], reached: u32) -> Mission {
 
 /// A draft of what a vehicle has left of a mission.
 fn draft_of(mission: &Mission) -> Draft {
-    Draft::new(Bounds::default(), Some((mission, Pose::IDENTITY)))
+    Draft::new(Bounds::default(), None, Some((mission, Pose::IDENTITY)))
+}
+
+/// A draft where nothing was sent.
+fn draft_of_nothing() -> Draft {
+    Draft::new(Bounds::default(), None, None)
 }
 
 fn goals(draft: &Draft) -> Vec<[f64; 2]> {
-    draft.drawn.goals.iter().map(|goal| goal.at).collect()
+    draft.goals().map(|goal| goal.at).collect()
 }
 
 fn sent(draft: &mut Draft) -> Mission {
     let sent = draft.message("local", &Pose::IDENTITY);
-    draft.sent(&sent);
+    draft.sent(&sent, 0.0);
     sent
+}
+
+/// A moment at which what was sent is the operator's newest mission, and the vehicle obeys this one.
+fn follow(draft: &mut Draft, obeyed: &Mission) {
+    let newest = draft.sent.message.clone();
+    draft.follow(newest.as_ref(), Some(obeyed), 0.0);
 }
 
 fn drag(draft: &mut Draft, from: [f64; 2], to: [f64; 2]) {
@@ -90,10 +101,10 @@ fn a_goal_in_a_zone_or_outside_of_the_area_is_told_with_its_number() {
 fn a_click_on_a_goal_adds_nothing_and_the_first_corner_closes_a_zone_also_beside_a_goal() {
     let mut draft = draft_of(&mission(&[A], 0));
     draft.click([1.4, 0.0], M_PER_POINT);
-    assert!(goals(&draft) == [A] && !draft.changed);
+    assert!(goals(&draft) == [A] && draft.is_as_sent());
     draft.adds = Adds::Zone;
     draft.click(A, M_PER_POINT);
-    assert!(draft.corners().is_empty() && !draft.changed);
+    assert!(draft.corners().is_empty() && draft.is_as_sent());
     for corner in [[1.5, 0.0], [4.0, 0.0], [4.0, 4.0], [1.4, 0.0]] {
         draft.click(corner, M_PER_POINT);
     }
@@ -104,12 +115,25 @@ fn a_click_on_a_goal_adds_nothing_and_the_first_corner_closes_a_zone_also_beside
 }
 
 #[test]
+fn a_click_on_the_first_corner_closes_a_zone_also_while_clicks_add_goals() {
+    let mut draft = draft_of_nothing();
+    draft.adds = Adds::Zone;
+    for corner in [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]] {
+        draft.click(corner, M_PER_POINT);
+    }
+    draft.adds = Adds::Goal;
+    draft.click([0.2, 0.2], M_PER_POINT);
+    assert_eq!((draft.summary().as_str(), draft.corners().len()), ("0 goals, 1 keep-out zone", 0));
+    draft.click([0.2, 0.2], M_PER_POINT);
+    assert_eq!(draft.summary(), "1 goal, 1 keep-out zone");
+}
+
+#[test]
 fn goals_that_are_as_they_were_leave_the_vehicle_its_own() {
-    let mut none = Draft::default();
+    let mut none = draft_of_nothing();
     none.click([1.0, 2.0], M_PER_POINT);
     assert!(!none.keeps_goals() && none.undo() && none.keeps_goals(), "a goal was taken back");
-    none.clear();
-    assert!(sent(&mut none).keeps_goals, "there was nothing to delete");
+    assert!(sent(&mut none).keeps_goals);
     let mut draft = draft_of(&mission(&[A], 0));
     draft.clear();
     assert!(!sent(&mut draft).keeps_goals, "the goal was deleted");
@@ -121,11 +145,89 @@ fn goals_that_are_as_they_were_leave_the_vehicle_its_own() {
 }
 
 #[test]
+fn where_all_was_deleted_the_vehicle_is_told_to_stand_also_if_it_drives_to_a_goal_of_its_own() {
+    let mut draft = draft_of_nothing();
+    assert_eq!((draft.status(), draft.without_goals()), ("nothing sent", Some("the vehicle keeps its goal")));
+    draft.click(A, M_PER_POINT);
+    draft.clear();
+    let stands = ("not sent", Some("without goals the vehicle stands"));
+    assert_eq!((draft.status(), draft.without_goals()), stands);
+    let message = sent(&mut draft);
+    assert!(message.goals.is_empty() && !message.keeps_goals);
+    assert_eq!((draft.status(), draft.without_goals()), ("as sent", stands.1));
+    // It stands also after a zone was sent, and a draft that begins then says so.
+    draft.adds = Adds::Zone;
+    for corner in [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 0.0]] {
+        draft.click(corner, M_PER_POINT);
+    }
+    let message = sent(&mut draft);
+    assert_eq!((message.keep_out.len(), message.keeps_goals), (1, false));
+    let begun = Draft::new(Bounds::default(), Some(&message), Some((&mission(&[], 0), Pose::IDENTITY)));
+    assert_eq!((begun.status(), begun.without_goals()), ("as sent", stands.1));
+}
+
+#[test]
 fn a_draft_that_was_replaced_states_its_goals_once() {
     let mut draft = draft_of(&mission(&[A], 0));
-    draft.replaced();
-    assert!(draft.changed && !sent(&mut draft).keeps_goals);
-    assert!(!draft.changed && draft.keeps_goals());
+    let other = mission(&[B], 0);
+    draft.follow(Some(&other), Some(&other), 0.0);
+    assert!(!draft.is_as_sent() && !sent(&mut draft).keeps_goals);
+    assert!(draft.is_as_sent() && draft.keeps_goals());
+}
+
+#[test]
+fn a_draft_is_as_sent_only_at_a_moment_that_has_its_message_or_awaits_it() {
+    let mut draft = draft_of_nothing();
+    draft.click(A, M_PER_POINT);
+    let message = sent(&mut draft);
+    // On its way.
+    draft.follow(None, None, ON_ITS_WAY_S);
+    assert!(draft.is_as_sent() && draft.is_on_its_way());
+    draft.follow(Some(&message), None, ON_ITS_WAY_S);
+    assert!(draft.is_as_sent() && !draft.is_on_its_way() && draft.keeps_goals());
+    // Before it was sent, or in a run without it.
+    draft.follow(None, None, ON_ITS_WAY_S);
+    assert!(!draft.is_as_sent() && !draft.keeps_goals() && goals(&draft) == [A]);
+    draft.follow(Some(&message), Some(&message), ON_ITS_WAY_S);
+    assert!(draft.is_as_sent() && draft.keeps_goals(), "looked at again");
+    // One that is lost.
+    draft.click(B, M_PER_POINT);
+    sent(&mut draft);
+    draft.follow(Some(&message), Some(&message), ON_ITS_WAY_S + 1.0);
+    assert!(!draft.is_as_sent() && !draft.is_on_its_way() && goals(&draft) == [A, B]);
+}
+
+#[test]
+fn at_a_moment_before_a_goal_was_reached_it_is_left() {
+    let all = |reached| mission(&[A, B], reached);
+    let mut draft = draft_of_nothing();
+    draft.click(A, M_PER_POINT);
+    draft.click(B, M_PER_POINT);
+    sent(&mut draft);
+    let moments: [(u32, &[[f64; 2]]); 5] = [(0, &[A, B]), (1, &[B]), (0, &[A, B]), (2, &[]), (1, &[B])];
+    for (reached, left) in moments {
+        follow(&mut draft, &all(reached));
+        assert_eq!(goals(&draft), left, "{reached} reached");
+        assert!(draft.is_as_sent() && draft.keeps_goals(), "{reached} reached");
+    }
+    drag(&mut draft, B, C);
+    follow(&mut draft, &all(0));
+    assert!(goals(&draft) == [A, C] && draft.undo() && draft.is_as_sent() && goals(&draft) == [A, B]);
+    // One that began after the first goal was reached.
+    let mut begun = draft_of(&all(1));
+    follow(&mut begun, &all(0));
+    assert!(goals(&begun) == [A, B] && begun.is_as_sent() && begun.keeps_goals());
+}
+
+#[test]
+fn a_change_that_is_taken_back_leaves_the_draft_as_sent() {
+    let mut draft = draft_of_nothing();
+    draft.click(A, M_PER_POINT);
+    draft.click(B, M_PER_POINT);
+    sent(&mut draft);
+    drag(&mut draft, A, C);
+    assert!(!draft.is_as_sent() && draft.undo() && draft.is_as_sent());
+    assert!(draft.undo() && !draft.is_as_sent(), "a goal that was sent is not drawn");
 }
 
 #[test]
@@ -136,19 +238,19 @@ fn a_goal_that_was_reached_is_not_sent_again() {
     draft.click(A, M_PER_POINT);
     draft.click(B, M_PER_POINT);
     sent(&mut draft);
-    draft.follow(&Mission { reached: 1, ..old });
+    follow(&mut draft, &Mission { reached: 1, ..old });
     assert_eq!(goals(&draft), [A, B], "a goal of the mission before was reached");
-    draft.follow(&mission(&[[1.001, 0.0], B], 1));
+    follow(&mut draft, &mission(&[[1.001, 0.0], B], 1));
     assert!(goals(&draft) == [B] && draft.keeps_goals());
-    draft.follow(&mission(&[A, B], 1));
+    follow(&mut draft, &mission(&[A, B], 1));
     draft.click(C, M_PER_POINT);
     assert_eq!(goals(&draft), [B, C], "it is left out once");
     assert_eq!(sent(&mut draft).goals.len(), 2);
     // What the operator has drawn in place of the goals stays.
     draft.clear();
     draft.click(C, M_PER_POINT);
-    draft.follow(&mission(&[B, C], 1));
-    assert_eq!((goals(&draft), draft.begun.len()), (vec![C], 1));
+    follow(&mut draft, &mission(&[B, C], 1));
+    assert_eq!((goals(&draft), draft.reached().len()), (vec![C], 1));
 }
 
 #[test]
@@ -157,12 +259,12 @@ fn a_drag_moves_the_goal_under_the_pointer_by_as_much_as_the_pointer() {
     draft.grab([2.25, 0.25], M_PER_POINT);
     assert_eq!(draft.dragged(), draft.handle_at(B, M_PER_POINT));
     draft.drag_to([2.25, 0.25]);
-    assert!(!draft.changed && draft.keeps_goals(), "it was not moved yet");
+    assert!(draft.is_as_sent() && draft.keeps_goals(), "it was not moved yet");
     draft.drag_to([2.25, 3.25]);
     draft.drag_to([5.25, 1.25]);
     draft.release();
     draft.drag_to([7.0, 7.0]);
-    assert!(goals(&draft) == [A, [5.0, 1.0], C] && draft.changed && !draft.keeps_goals());
+    assert!(goals(&draft) == [A, [5.0, 1.0], C] && !draft.is_as_sent() && !draft.keeps_goals());
     assert!(draft.undo() && goals(&draft) == [A, B, C] && !draft.undo(), "a drag is one change");
     draft.grab([2.0, 3.0], M_PER_POINT);
     assert_eq!(draft.dragged(), None);
@@ -234,7 +336,7 @@ fn every_change_is_taken_back_the_last_one_first() {
     assert_eq!(states.len(), 6, "to choose what a click adds is no change");
     for state in states.into_iter().rev().skip(1) {
         sent(&mut draft);
-        assert!(draft.undo() && draft.drawn == state && draft.changed);
+        assert!(draft.undo() && draft.drawn == state && !draft.is_as_sent());
     }
     for at in 0..2 * MOST_CHANGES {
         draft.click([at as f64, 20.0], M_PER_POINT);
@@ -255,7 +357,7 @@ fn stated(x_m: f64) -> PlanePolygon {
 #[test]
 fn an_area_that_was_sent_is_sent_again() {
     let bounds = Bounds { area: Some(square(50.0)), keep_out: vec![square(0.0)] };
-    let mut draft = Draft::new(bounds, None);
+    let mut draft = Draft::new(bounds, None, None);
     draft.clear();
     draft.click(A, M_PER_POINT);
     let sent = draft.message("global", &Pose::from_xy_yaw(-100.0, 0.0, 0.0));
@@ -274,12 +376,12 @@ fn what_is_obeyed_and_not_drawn_holds_beside_the_draft() {
         (held.area, held.keep_out)
     };
     let bounds = Bounds { area: None, keep_out: vec![square(20.001)] };
-    let mut draft = Draft::new(bounds, None);
+    let mut draft = Draft::new(bounds, None, None);
     assert_eq!(held(&draft), (Some(stated(50.0)), vec![stated(0.0)]));
     drag(&mut draft, [20.0, 0.0], [19.0, 0.0]);
     assert_eq!(held(&draft).1.len(), 2, "the zone holds where it was until the draft is sent");
     let bounds = Bounds { area: Some(square(60.0)), keep_out: Vec::new() };
-    assert_eq!(held(&Draft::new(bounds, None)).0, None, "the draft has an area of its own");
+    assert_eq!(held(&Draft::new(bounds, None, None)).0, None, "the draft has an area of its own");
 }
 
 #[test]
@@ -287,16 +389,16 @@ fn a_drag_keeps_its_goal_when_another_one_is_reached() {
     let mut draft = draft_of(&mission(&[A, B, C], 0));
     draft.grab(C, M_PER_POINT);
     draft.drag_to([3.0, 1.0]);
-    draft.follow(&mission(&[A, B, C], 1));
+    follow(&mut draft, &mission(&[A, B, C], 1));
     draft.drag_to([3.0, 2.0]);
-    draft.follow(&mission(&[A, B, C], 2));
+    follow(&mut draft, &mission(&[A, B, C], 2));
     draft.drag_to([3.0, 3.0]);
     assert_eq!(goals(&draft), [[3.0, 3.0]]);
     draft.release();
     assert!(draft.undo() && goals(&draft) == [C] && draft.keeps_goals() && !draft.undo());
     // It is reached before it has been moved.
     draft.grab(C, M_PER_POINT);
-    draft.follow(&mission(&[A, B, C], 3));
+    follow(&mut draft, &mission(&[A, B, C], 3));
     draft.drag_to([3.0, 3.0]);
     assert!(goals(&draft).is_empty() && draft.keeps_goals());
 }
@@ -309,12 +411,12 @@ fn a_goal_that_was_reached_is_left_out_whatever_was_changed_before_it() {
     // The third goal is at the place of the first one, and lies above it.
     assert_eq!(goals(&draft), [A, B, [1.0, 5.0], C]);
     delete(&mut draft, A);
-    draft.follow(&all(2));
+    follow(&mut draft, &all(2));
     assert_eq!(goals(&draft), [[1.0, 5.0], C], "the second one was reached");
-    draft.follow(&all(3));
+    follow(&mut draft, &all(3));
     assert_eq!(goals(&draft), [[1.0, 5.0], C], "the operator has moved the third one");
     sent(&mut draft);
-    draft.follow(&mission(&[[1.0, 5.0], C], 1));
+    follow(&mut draft, &mission(&[[1.0, 5.0], C], 1));
     assert!(goals(&draft) == [C] && draft.keeps_goals());
 }
 
@@ -323,16 +425,16 @@ fn undo_does_not_bring_back_what_was_reached() {
     let all = |reached| mission(&[A, B, C], reached);
     let mut draft = draft_of(&all(0));
     delete(&mut draft, A);
-    draft.follow(&all(1));
+    follow(&mut draft, &all(1));
     assert!(draft.keeps_goals() && !draft.undo(), "the deleted goal was reached");
     drag(&mut draft, B, [2.0, 5.0]);
-    draft.follow(&all(2));
+    follow(&mut draft, &all(2));
     assert_eq!(goals(&draft), [[2.0, 5.0], C]);
     assert!(draft.undo() && goals(&draft) == [C], "its place before was reached");
     drag(&mut draft, C, [3.0, 5.0]);
     draft.clear();
     assert!(draft.undo());
     sent(&mut draft);
-    draft.follow(&mission(&[[3.0, 5.0]], 1));
-    assert!(goals(&draft).is_empty() && !draft.undo(), "it was reached where it was moved");
+    follow(&mut draft, &mission(&[[3.0, 5.0]], 1));
+    assert!(goals(&draft).is_empty() && draft.undo() && goals(&draft) == [C], "it was moved from there");
 }

@@ -18,6 +18,7 @@ use rcs_msg::AnyMessage;
 use rcs_msg::rcs::{Mission, PlanePolygon};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Control, Frame, WGS84};
+use std::time::Duration;
 
 /// Distance between the lines of a hatching, screen points.
 const HATCH: f32 = 9.0;
@@ -58,11 +59,14 @@ fn map_from_mission(frame: &Frame, map: &str, mission: &Mission) -> Result<Pose,
     layers::map_from_frame(frame, map, &mission.frame_id, frame.transform_time(frame.now))
 }
 
+/// The operator's newest mission.
+fn newest<'a>(frame: &'a Frame, buffer: &str) -> Option<&'a Mission> {
+    frame.topic(buffer)?.get()
+}
+
 /// The area and the zones that the operator has sent, on the map; the error says why they cannot be placed.
 fn sent_bounds(frame: &Frame, map: &str, buffer: &str) -> Result<Bounds, String> {
-    let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) else {
-        return Ok(Bounds::default());
-    };
+    let Some(sent) = newest(frame, buffer) else { return Ok(Bounds::default()) };
     Ok(bounds_of(sent, map_from_mission(frame, map, sent)?))
 }
 
@@ -78,7 +82,7 @@ fn bounds_of(mission: &Mission, map_from_mission: Pose) -> Bounds {
 /// sent. What cannot be placed on the map must not be lost, and what is drawn must be of use: the error says why not.
 fn begin(frame: &Frame, map: &str, buffer: &str) -> Result<Draft, String> {
     sending_frame(frame, map)?;
-    Ok(Draft::new(sent_bounds(frame, map, buffer)?, obeyed(frame, map)?))
+    Ok(Draft::new(sent_bounds(frame, map, buffer)?, newest(frame, buffer), obeyed(frame, map)?))
 }
 
 /// Why no mission can be drawn on a map; `None` if one can be drawn.
@@ -127,28 +131,55 @@ fn sending_frame(frame: &Frame, map: &str) -> Result<(String, Pose), String> {
 }
 
 impl Map {
-    /// Takes the draft that the maps of the source share in this frame for the pass. While something else is drawn or
-    /// measured here, clicks are not for it.
+    /// Takes the draft that the maps of the source share in this frame for the pass, and the one that was closed. While
+    /// something else is drawn or measured here, clicks are not for it.
     pub(super) fn take_draft(&mut self, cx: &mut ViewContext<'_>, map: &str) {
         let is_drawn = Inputs::of(cx.frame).mission.is_some() && self.example.is_none() && !self.measuring;
-        self.draft = if is_drawn { cx.selection.drafts.missions.remove(map) } else { None };
+        let drafts = &mut cx.selection.drafts;
+        self.draft = if is_drawn { drafts.missions.remove(map) } else { None };
+        // While one is open and hidden, that one is shown again instead.
+        let is_hidden = drafts.missions.contains_key(map);
+        self.closed = if is_hidden { None } else { drafts.closed_missions.remove(map) };
     }
 
     /// Ends what [`Self::take_draft`] began. One that was not taken stays.
     pub(super) fn give_draft_back(&mut self, cx: &mut ViewContext<'_>, map: &str) {
+        let drafts = &mut cx.selection.drafts;
         if let Some(draft) = self.draft.take() {
-            cx.selection.drafts.missions.entry(map.to_owned()).or_insert(draft);
+            drafts.missions.entry(map.to_owned()).or_insert(draft);
+        }
+        if let Some(closed) = self.closed.take() {
+            drafts.closed_missions.insert(map.to_owned(), closed);
         }
     }
 
-    /// Opens a draft, unless none can be drawn on the map, or throws it away.
+    /// Closes the draft; or opens the one that was closed with changes that were not sent, or else one of the mission that is
+    /// obeyed, unless none can be drawn on the map.
     pub(super) fn toggle_draft(&mut self, frame: &Frame, map: &str, buffer: &str) {
-        self.draft = match self.draft {
-            Some(_) => None,
-            None => begin(frame, map, buffer).ok(),
-        };
+        if self.draft.is_some() {
+            return self.close_draft();
+        }
+        let draft = self.closed.take().or_else(|| begin(frame, map, buffer).ok());
+        self.open_draft(draft);
+    }
+
+    /// Draws a mission, unless there is none, and nothing else.
+    fn open_draft(&mut self, draft: Option<Draft>) {
+        self.draft = draft;
         self.measuring = false;
         self.example = None;
+    }
+
+    /// Closes the draft. What was not sent is kept, to be opened again.
+    fn close_draft(&mut self) {
+        self.closed = self.draft.take().filter(|draft| !draft.is_as_sent());
+    }
+
+    /// Says that the key of undo is for the mission that is drawn here, while the pointer is over the map.
+    pub(super) fn offer_undo(&self, ui: &Ui, cx: &mut ViewContext<'_>, map: &str, canvas: Rect) {
+        if self.draft.as_ref().is_some_and(Draft::can_undo) && ui.rect_contains_pointer(canvas) {
+            cx.selection.hovered.said().mission = Some(map.into());
+        }
     }
 
     /// Drags a point of the draft with the primary button. Returns whether one is being dragged: meanwhile the pointer
@@ -190,8 +221,13 @@ impl Map {
         let Some(buffer) = Inputs::of(cx.frame).mission else { return };
         let on_map = |pos: Pos2| at.viewport.to_plane(at.canvas, pos);
         if let Some(draft) = &mut self.draft {
-            if let Ok(Some((mission, _))) = obeyed(cx.frame, map) {
-                draft.follow(mission);
+            if let Ok(obeyed) = obeyed(cx.frame, map) {
+                let now_s = ui.input(|input| input.time);
+                draft.follow(newest(cx.frame, &buffer), obeyed.map(|(mission, _)| mission), now_s);
+            }
+            if draft.is_on_its_way() {
+                // What is lost is awaited for some seconds only, also where nothing else repaints.
+                ui.ctx().request_repaint_after(Duration::from_secs(1));
             }
             // A click beside the open menu closes the menu and adds nothing.
             let adds = response.clicked() && !response.context_menu_opened();
@@ -205,10 +241,10 @@ impl Map {
         }
         let mut choice = None;
         response.context_menu(|ui| {
-            let refused = match self.draft {
-                Some(_) => sending_frame(cx.frame, map).err(),
-                None => refusal(cx.frame, map, &buffer),
-            };
+            // Until a mission has come to its buffer, its zones are not known to what is sent after it.
+            let awaits = self.draft.as_ref().is_some_and(Draft::is_on_its_way);
+            let on_its_way = awaits.then(|| "the mission that was sent is on its way".to_owned());
+            let refused = on_its_way.or_else(|| refusal(cx.frame, map, &buffer));
             choice = self.mission_menu(ui, refused.as_deref(), 1.0 / at.viewport.scale);
         });
         if let Some(choice) = choice {
@@ -223,15 +259,15 @@ impl Map {
     fn take_choice(&mut self, cx: &mut ViewContext<'_>, map: &str, buffer: &str, choice: Choice) {
         match (choice, self.menu_at) {
             (Choice::Drive, Some(goal)) => {
-                // Where nothing can be sent, the draft stays.
-                let Ok(target) = sending_frame(cx.frame, map) else { return };
-                let known = self.draft.take().map_or_else(|| begin(cx.frame, map, buffer), Ok);
-                if let Ok(known) = known {
-                    send(cx, buffer, &target, &known.with_only_goal(goal));
+                // What is drawn and was not sent is no part of it, and stays.
+                let begun = begin(cx.frame, map, buffer);
+                if let (Ok(target), Ok(sent)) = (sending_frame(cx.frame, map), begun) {
+                    send(cx, buffer, &target, &sent.with_only_goal(goal));
+                    self.draft.iter_mut().for_each(Draft::forget_sending);
                 }
             }
             (Choice::Drive, None) => {}
-            (Choice::Edit, _) => self.toggle_draft(cx.frame, map, buffer),
+            (Choice::Edit, _) => self.open_draft(begin(cx.frame, map, buffer).ok()),
             (Choice::DeleteGoal(id), _) => {
                 if let Some(draft) = &mut self.draft {
                     draft.delete_goal(id);
@@ -248,10 +284,13 @@ impl Map {
     /// The menu of the map; returns what was chosen. `refused` says why no mission can be drawn.
     fn mission_menu(&self, ui: &mut Ui, refused: Option<&str>, m_per_point: f64) -> Option<Choice> {
         let drive = menu_item(ui, icons::ICON_FLAG, "Drive here", refused);
-        let drive = drive.on_hover_text("Replaces the goals; keep-out zones stay");
+        let drive = drive.on_hover_text("Replaces the goals; keep-out zones stay as they were sent");
         let mut choice = drive.clicked().then_some(Choice::Drive);
-        if self.draft.is_none() && menu_item(ui, icons::ICON_EDIT, "Edit the mission", refused).clicked() {
-            choice = Some(Choice::Edit);
+        if self.draft.is_none() {
+            let edit = menu_item(ui, icons::ICON_EDIT, "Edit the mission", refused);
+            if edit.on_hover_text("Begins with what was sent").clicked() {
+                choice = Some(Choice::Edit);
+            }
         }
         // What is there now: a goal may have been reached since the menu was opened.
         if let (Some(draft), Some(at)) = (&self.draft, self.menu_at) {
@@ -278,7 +317,8 @@ impl Map {
         let tokens = tokens(ui);
         let target = sending_frame(cx.frame, map);
         let standing = standing_bounds(cx.frame, map, buffer);
-        let mut discard = false;
+        let now_s = ui.input(|input| input.time);
+        let mut closes = false;
         // Below the scale bar.
         let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
         legend::solid_plate(ui, below, Align2::CENTER_TOP, |ui| {
@@ -287,37 +327,35 @@ impl Map {
                 ui.selectable_value(&mut draft.adds, Adds::Goal, "Goals").on_hover_text(GOALS_HELP);
                 ui.selectable_value(&mut draft.adds, Adds::Zone, "Keep-out zones").on_hover_text(ZONES_HELP);
                 ui.separator();
-                if ui
-                    .button(icons::ICON_UNDO.rich_text())
-                    .on_hover_text("Take the last change back")
-                    .clicked()
-                {
+                let undo = ui.button(icons::ICON_UNDO.rich_text());
+                if undo.on_hover_text("Take the last change back (ctrl Z over the map)").clicked() {
                     draft.undo();
                 }
-                if ui
-                    .button(icons::ICON_DELETE.rich_text())
-                    .on_hover_text("Delete all goals and zones")
-                    .clicked()
-                {
+                let clear = ui.button(icons::ICON_DELETE.rich_text());
+                let help = "Delete all goals and zones; without goals the vehicle stands";
+                if clear.on_hover_text(help).clicked() {
                     draft.clear();
                 }
                 ui.separator();
                 let open = !draft.corners().is_empty();
                 let send_it = format!("{}  Send", icons::ICON_SEND.codepoint);
-                let can = draft.changed && !open && target.is_ok();
+                let can = !draft.is_as_sent() && !open && target.is_ok();
                 let why = target.as_ref().err().map_or(why_not(draft), String::as_str);
                 let button = ui.add_enabled(can, egui::Button::new(send_it)).on_disabled_hover_text(why);
                 if let (true, Ok(target)) = (button.clicked(), &target) {
                     let sent = send(cx, buffer, target, draft);
-                    draft.sent(&sent);
+                    draft.sent(&sent, now_s);
                 }
-                discard = ui.button("Close").on_hover_text("Without sending").clicked();
+                let help = "Without sending; what was changed is there again when the mission is opened";
+                closes = ui.button("Close").on_hover_text(help).clicked();
             });
-            let (text, color) = match (draft.changed, draft.corners().len()) {
-                (_, 1..) => ("click on the first corner to close the zone", tokens.warning),
-                (true, 0) => ("not sent", tokens.warning),
-                (false, 0) => ("as sent", tokens.weak),
+            let is_open = !draft.corners().is_empty();
+            let text = match draft.without_goals() {
+                _ if is_open => "click on the first corner to close the zone".to_owned(),
+                Some(does) => format!("{}, {does}", draft.status()),
+                None => draft.status().to_owned(),
             };
+            let color = if is_open || !draft.is_as_sent() { tokens.warning } else { tokens.weak };
             let mut line = |text: String, color: Color32| {
                 ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
             };
@@ -326,8 +364,8 @@ impl Map {
                 line(warning, tokens.warning);
             }
         });
-        if discard {
-            self.draft = None;
+        if closes {
+            self.close_draft();
         }
     }
 }
@@ -354,7 +392,7 @@ fn send(
     let mission = Mission { timestamp, ..draft.message(frame_id, frame_from_map) };
     let message = AnyMessage::new(mission.clone());
     cx.controls.push(Control::Write { buffer: buffer.to_owned(), message });
-    cx.selection.drafts.missions.values_mut().for_each(Draft::replaced);
+    cx.selection.drafts.missions.values_mut().for_each(Draft::forget_sending);
     mission
 }
 

@@ -119,6 +119,8 @@ pub(crate) struct Map {
     zoom_to: Option<String>,
     /// A mission that is being drawn, during a pass: it belongs to the source ([`crate::view::Drafts`]).
     draft: Option<draft::Draft>,
+    /// The mission that was closed last, if it had changes that were not sent; also during a pass.
+    closed: Option<draft::Draft>,
     /// Whether a point of it is being dragged on this map.
     drags: bool,
     /// An example for learning that is being drawn, as the mission.
@@ -356,6 +358,7 @@ impl Map {
         let free = Rect::from_min_max(canvas.min + Vec2::new(32.0, 16.0), canvas.max - Vec2::splat(4.0));
         labels.paint(&painter, free, tokens(ui));
         self.point_at(ui, cx, map, &shown, &response, viewport);
+        self.offer_undo(ui, cx, map, canvas);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 36.0), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), viewport, map == WGS84);
         // In a narrow map the read-out takes the place of the legend, and in a low one it would hide too much.

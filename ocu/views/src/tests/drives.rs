@@ -6,8 +6,10 @@ use crate::samples;
 use egui::{Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
-use rcs_msg::rcs::{EmergencyStop, VehicleStatus};
+use rcs_msg::foxglove::{Odometry, Pose, Vector3};
+use rcs_msg::rcs::{EmergencyStop, Mission, PlanePoint, VehicleStatus};
 use rcs_runtime::source::{Frame, Topic};
+use std::sync::Arc;
 
 fn drive(frame: Frame) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new("drive", frame), Vec2::new(900.0, 560.0), Theme::Dark);
@@ -71,6 +73,41 @@ fn driving_with(topic: Topic) -> Frame {
     topics.push(topic);
     frame.topics = topics.into();
     frame
+}
+
+/// A topic with a role.
+fn with_role(mut topic: Topic, role: &str) -> Topic {
+    topic.metadata = Arc::new([("rcs.role".to_owned(), role.to_owned())].into());
+    topic
+}
+
+/// Whether a text with this content is painted.
+fn is_painted(harness: &Harness<'static, Shown>, content: &str) -> bool {
+    let is_it = |shape: &Shape| matches!(shape, Shape::Text(text) if text.galley.text() == content);
+    harness.output().shapes.iter().any(|painted| is_it(&painted.shape))
+}
+
+#[test]
+fn while_a_mission_is_driven_its_next_goal_is_told_apart_from_that_of_the_course() {
+    // The next goal of the mission is at (9, 4) in the frame `local`.
+    let at = |frame_id: &str| {
+        let position = Some(Vector3 { x: 9.0, y: 1.5, z: 0.0 });
+        let pose = Some(Pose { position, orientation: None });
+        let odometry = Odometry { frame_id: frame_id.to_owned(), pose, ..Odometry::default() };
+        drive(driving_with(with_role(samples::topic("/localization/pose", 50.0, 0.01, odometry), "pose")))
+    };
+    let harness = at("local");
+    assert!(is_painted(&harness, "Course goal") && !is_painted(&harness, "To the goal"));
+    assert!(is_painted(&harness, "Next goal") && harness.query_by_label_contains("2.5 m").is_some());
+    assert!(!is_painted(&at("global"), "Next goal"), "the position is not known in the frame of the mission");
+
+    let goals = vec![PlanePoint { x_m: 1.0, y_m: 0.0 }];
+    let mission = |goals| Mission { frame_id: "local".to_owned(), goals, ..Mission::default() };
+    let stated = |mission: Mission| {
+        drive(driving_with(with_role(samples::topic("/generator/driven", 0.1, 5.0, mission), "mission")))
+    };
+    assert!(stated(mission(goals)).query_by_label("0 of 1 goal reached").is_some());
+    assert!(is_painted(&stated(mission(Vec::new())), "To the goal"));
 }
 
 /// The status of a vehicle that obeys an emergency stop, with its age.

@@ -8,6 +8,7 @@ mod drives;
 mod edits;
 mod hostile;
 mod log_lines;
+mod missions;
 mod overlays;
 mod pictures;
 mod plans;

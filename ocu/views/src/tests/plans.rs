@@ -16,7 +16,7 @@ use rcs_msg::rcs::{
 use rcs_runtime::source::{Control, Frame, RunTag, Topic, WGS84};
 use std::sync::Arc;
 
-fn shown(kind: &str) -> Harness<'static, Shown> {
+pub(super) fn shown(kind: &str) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new(kind, samples::driving()), Vec2::new(900.0, 760.0), Theme::Dark);
     harness.run();
     harness
@@ -125,7 +125,7 @@ fn what_the_terms_lack_of_the_cost_is_told_as_rounding() {
 }
 
 /// The missions that were sent.
-fn sent(harness: &mut Harness<'static, Shown>) -> Vec<Mission> {
+pub(super) fn sent(harness: &mut Harness<'static, Shown>) -> Vec<Mission> {
     let controls = std::mem::take(&mut harness.state_mut().controls);
     let write = |control| match control {
         Control::Write { buffer, message } if buffer == "/operator/mission" => message.to::<Mission>(),
@@ -134,7 +134,7 @@ fn sent(harness: &mut Harness<'static, Shown>) -> Vec<Mission> {
     controls.into_iter().filter_map(write).collect()
 }
 
-fn click(harness: &mut Harness<'static, Shown>, at: Pos2, button: egui::PointerButton) {
+pub(super) fn click(harness: &mut Harness<'static, Shown>, at: Pos2, button: egui::PointerButton) {
     harness.hover_at(at);
     for pressed in [true, false] {
         harness.event(egui::Event::PointerButton {
@@ -374,7 +374,7 @@ fn a_click_on_the_panel_of_a_mission_does_not_reach_the_map() {
 }
 
 /// A map after a zone, and an area of the same size, were sent in a frame.
-fn map_after_a_zone_in(frame_id: &str) -> Harness<'static, Shown> {
+pub(super) fn map_after_a_zone_in(frame_id: &str) -> Harness<'static, Shown> {
     let corner = |x_m, y_m| PlanePoint { x_m, y_m };
     let zone = PlanePolygon { points: vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)] };
     let area = Some(zone.clone());

@@ -1,0 +1,123 @@
+//! The mission that is drawn on the map, compared with what was sent and with the viewed moment.
+
+use super::plans::{click, map_after_a_zone_in, sent, shown};
+use super::{Shown, harness};
+use crate::samples;
+use egui::PointerButton::{Primary, Secondary};
+use egui::{Pos2, Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use ocu_ui::icons;
+
+fn middle(map: &Harness<'static, Shown>) -> Pos2 {
+    map.get_by_label("Map").rect().center()
+}
+
+/// Presses a button with this text.
+fn press(map: &mut Harness<'static, Shown>, text: &str) {
+    map.get_by_label_contains(text).click();
+    map.run();
+}
+
+/// Whether the panel of the mission says this.
+fn says(map: &Harness<'static, Shown>, text: &str) -> bool {
+    map.query_by_label_contains(text).is_some()
+}
+
+/// A map with the goal that the vehicle has left, and another one that was drawn.
+fn with_a_goal_drawn() -> Harness<'static, Shown> {
+    let mut map = shown("map");
+    press(&mut map, "Draw a mission");
+    let at = middle(&map) + Vec2::new(40.0, 60.0);
+    click(&mut map, at, Primary);
+    assert!(says(&map, "2 goals, 0 keep-out zones: not sent"));
+    map
+}
+
+#[test]
+fn a_mission_whose_sending_was_taken_back_is_not_sent_and_can_be_sent_again() {
+    let mut map = with_a_goal_drawn();
+    press(&mut map, "Send");
+    let before = map.state().frame.clone();
+    let mission = sent(&mut map).remove(0);
+    let newest = samples::topic("/operator/mission", 0.1, 0.0, mission);
+    map.state_mut().frame.topics = before.topics.iter().cloned().chain([newest]).collect();
+    map.run();
+    assert!(says(&map, "2 goals, 0 keep-out zones: as sent"));
+    map.state_mut().frame = before;
+    map.run();
+    assert!(says(&map, "2 goals, 0 keep-out zones: not sent"));
+    press(&mut map, "Send");
+    let missions = sent(&mut map);
+    assert_eq!((missions[0].goals.len(), missions[0].keeps_goals), (2, false));
+}
+
+#[test]
+fn a_goal_by_a_click_sends_nothing_of_the_mission_that_is_being_drawn_and_leaves_it() {
+    let mut map = map_after_a_zone_in("local");
+    press(&mut map, "Draw a mission");
+    press(&mut map, icons::ICON_DELETE.codepoint);
+    let middle = middle(&map);
+    click(&mut map, middle + Vec2::new(40.0, 60.0), Primary);
+    click(&mut map, middle + Vec2::new(-80.0, 100.0), Secondary);
+    press(&mut map, "Drive here");
+    let missions = sent(&mut map);
+    let [mission] = missions.as_slice() else { panic!("{missions:?}") };
+    assert_eq!((mission.goals.len(), mission.keep_out.len(), mission.keeps_goals), (1, 1, false));
+    assert!(says(&map, "1 goal, 0 keep-out zones: not sent"), "the zone was deleted in the drawing alone");
+}
+
+#[test]
+fn a_mission_that_was_closed_with_changes_is_opened_again_until_another_one_is_closed() {
+    let mut map = with_a_goal_drawn();
+    let drawn = "2 goals, 0 keep-out zones: not sent";
+    for closes in ["Close", "Draw a mission"] {
+        press(&mut map, closes);
+        assert!(!says(&map, drawn), "{closes}");
+        press(&mut map, "Draw a mission");
+        assert!(says(&map, drawn), "{closes}");
+    }
+    // The menu begins with what was sent.
+    press(&mut map, "Close");
+    let at = middle(&map);
+    click(&mut map, at, Secondary);
+    press(&mut map, "Edit the mission");
+    let as_sent = "1 goal, 0 keep-out zones: as sent";
+    assert!(says(&map, as_sent));
+    press(&mut map, "Close");
+    press(&mut map, "Draw a mission");
+    assert!(says(&map, as_sent));
+}
+
+#[test]
+fn where_no_goals_were_sent_the_panel_says_what_the_vehicle_does_and_deleting_all_makes_it_stand() {
+    let mut frame = samples::driving();
+    let is_kept = |name: &str| name != "/generator/driven";
+    frame.topics = frame.topics.iter().filter(|topic| is_kept(&topic.name)).cloned().collect();
+    let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+    map.run();
+    press(&mut map, "Draw a mission");
+    assert!(says(&map, "0 goals, 0 keep-out zones: nothing sent, the vehicle keeps its goal"));
+    press(&mut map, icons::ICON_DELETE.codepoint);
+    assert!(says(&map, "0 goals, 0 keep-out zones: not sent, without goals the vehicle stands"));
+    press(&mut map, "Send");
+    let missions = sent(&mut map);
+    assert!(missions[0].goals.is_empty() && !missions[0].keeps_goals);
+}
+
+#[test]
+fn the_key_of_undo_takes_back_the_last_change_of_the_mission_under_the_pointer() {
+    let undo = |map: &mut Harness<'static, Shown>| {
+        let is_done = map.state_mut().selection.undo_under_pointer();
+        map.run();
+        is_done
+    };
+    let mut map = with_a_goal_drawn();
+    assert!(undo(&mut map) && says(&map, "1 goal, 0 keep-out zones: as sent"));
+    assert!(!undo(&mut map), "there is no other change");
+    let at = middle(&map) + Vec2::new(40.0, 60.0);
+    click(&mut map, at, Primary);
+    map.hover_at(Pos2::new(at.x, 4.0));
+    map.run();
+    assert!(!undo(&mut map) && says(&map, "2 goals, 0 keep-out zones: not sent"), "the pointer is elsewhere");
+}
