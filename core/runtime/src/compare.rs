@@ -21,7 +21,7 @@ const BEFORE: usize = 15;
 pub struct Difference {
     /// Time at which it became visible.
     pub time: Stamp,
-    /// The same, in seconds since the start of the first run.
+    /// The same, in seconds since the start of the first run, to the nanosecond.
     pub time_s: f64,
     /// Its buffer.
     pub buffer: String,
@@ -173,7 +173,7 @@ impl Matcher {
             pair.differs = true;
             let difference = Difference {
                 time: entry.log_time,
-                time_s: entry.log_time.seconds_since(self.start),
+                time_s: to_the_nanosecond(entry.log_time.seconds_since(self.start)),
                 buffer: buffer.clone(),
                 sequence: u64::from(entry.sequence),
                 field: found.field,
@@ -274,7 +274,8 @@ fn differing_leaf(path: &FieldPath, a: &Value, b: &Value) -> Option<Found> {
         let item = |index: usize| Some((a.item(index)?, b.item(index)?));
         let at = (0..count).find(|&index| item(index).is_some_and(|(a, b)| !same(&a, &b)))?;
         let (a, b) = item(at)?;
-        return Some(Found::of(path.index(at).to_string(), [&show(&a), &show(&b)]));
+        let [one, other] = show_both([&a, &b]);
+        return Some(Found::of(path.index(at).to_string(), [&one, &other]));
     }
     if same(a, b) {
         return None;
@@ -284,7 +285,8 @@ fn differing_leaf(path: &FieldPath, a: &Value, b: &Value) -> Option<Found> {
     {
         return Some(Found::of_long_texts(path.to_string(), [one, other]));
     }
-    Some(Found::of(path.to_string(), [&show(a), &show(b)]))
+    let [one, other] = show_both([a, b]);
+    Some(Found::of(path.to_string(), [&one, &other]))
 }
 
 fn is_long(text: &str) -> bool {
@@ -308,18 +310,39 @@ fn same(a: &Value, b: &Value) -> bool {
     }
 }
 
+/// The texts of two values that differ; those of numbers differ, too.
+fn show_both([a, b]: [&Value; 2]) -> [String; 2] {
+    match (a, b) {
+        (Value::Float(a), Value::Float(b)) if number(*a) == number(*b) => [a.to_string(), b.to_string()],
+        (a, b) => [show(a), show(b)],
+    }
+}
+
+/// A number in the digits of a 32-bit float where it is one, as the fields of a message are shown: 0.1, not
+/// 0.10000000149011612. A whole number has all of its digits.
+fn number(value: f64) -> String {
+    let narrow = value as f32;
+    let is_narrow = value.fract() != 0.0 && f64::from(narrow) == value;
+    if is_narrow { narrow.to_string() } else { value.to_string() }
+}
+
 fn show(value: &Value) -> String {
     match value {
         Value::Null => "nothing".to_owned(),
         Value::Bool(v) => v.to_string(),
         Value::Int(v) => v.to_string(),
         Value::Uint(v) => v.to_string(),
-        Value::Float(v) => v.to_string(),
+        Value::Float(v) => number(*v),
         Value::Enum { number, name } if name.is_empty() => number.to_string(),
         Value::Enum { name, .. } => name.clone(),
         Value::Text(text) => part(text, 0),
         other => other.kind().to_owned(),
     }
+}
+
+/// Seconds without the digits by which a product misses whole nanoseconds: 6.002, not 6.002000000000001.
+pub(crate) fn to_the_nanosecond(seconds: f64) -> f64 {
+    (seconds * 1e9).round() / 1e9
 }
 
 /// Whether messages of a topic are measured times, which are not compared.
@@ -404,6 +427,18 @@ mod tests {
         let [one, other] = &found.values;
         let detail = format!("from character 1235 on, {one} in the first, {other} in the second");
         assert_eq!(found.detail, detail);
+    }
+
+    #[test]
+    fn a_float_that_was_widened_to_a_double_is_shown_with_its_own_digits() {
+        let values = |a: f64, b: f64| {
+            let [a, b] = [a, b].map(Value::Float);
+            differing_leaf(&FieldPath::root().field("weight"), &a, &b).unwrap().values
+        };
+        let widened = f64::from(0.1_f32);
+        assert_eq!(values(widened, 0.2), ["0.1", "0.2"]);
+        assert_eq!(values(0.1, widened), ["0.1", "0.10000000149011612"], "they differ");
+        assert_eq!(values(123_456_792.0, 0.1), ["123456792", "0.1"]);
     }
 
     #[test]

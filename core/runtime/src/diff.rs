@@ -1,15 +1,17 @@
-//! Compares two recordings: what they say of their runs, and the first differences of their messages.
+//! Compares two recordings: what they say of their runs, the first differences of their messages, and which of them
+//! ends first.
 //!
-//! Both are read in one pass, time by time. Measured times are left out. The identity of a run (`/runtime/run`) is
-//! compared apart from the messages: it is the first message of every run, and differs where the seed, the build or a
-//! parameter does, which says nothing of what came of it.
+//! Both are read in one pass, time by time, up to the end of the shorter one. Measured times are left out. The identity of
+//! a run (`/runtime/run`) is compared apart from the messages: it is the first message of every run, and differs where
+//! the seed, the build or a parameter does, which says nothing of what came of it.
 
 use crate::compare::{
     Difference, Matcher, Side, differing, differing_parts, is_compared, next_time, put_until,
+    to_the_nanosecond,
 };
 use crate::stack::names;
 use rcs_log::{CursorOptions, Log, LogError, Reassembly, TopicId};
-use rcs_msg::{AnyMessage, rcs, registry};
+use rcs_msg::{AnyMessage, Stamp, rcs, registry};
 use std::sync::Arc;
 
 /// What two recordings say differently of their runs.
@@ -24,15 +26,39 @@ pub struct RunDifference {
     pub values: [String; 2],
 }
 
-/// The first message in which two recordings differ, except for what they say of their runs; `None` if they agree.
+/// The one of two recordings that ends first, while messages of the other one follow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShorterRecording {
+    /// Whether it is the first of the two.
+    pub is_first: bool,
+    /// Its end.
+    pub end: Stamp,
+    /// The same, in seconds since the start of the first recording, to the nanosecond.
+    pub end_s: f64,
+}
+
+/// The first message in which two recordings differ up to the end of the shorter one, except for what they say of their
+/// runs; `None` if they agree.
 pub fn diff(a: &Log, b: &Log) -> Result<Option<Difference>, LogError> {
     Ok(differences(a, b, 1)?.into_iter().next())
 }
 
 /// The first difference of each buffer, in the order of time, except for what the recordings say of their runs. Reads
-/// both to their ends.
+/// both to the end of the shorter one.
 pub fn diff_each(a: &Log, b: &Log) -> Result<Vec<Difference>, LogError> {
     differences(a, b, usize::MAX)
+}
+
+/// Which of two recordings ends first; `None` if no message that is compared follows in the other one.
+pub fn diff_lengths(a: &Log, b: &Log) -> Result<Option<ShorterRecording>, LogError> {
+    let [first, second] = [a, b].map(|log| log.info().end);
+    let (is_first, end, longer) = if first < second { (true, first, b) } else { (false, second, a) };
+    let compared = longer.info().topics.iter().filter(|topic| is_compared(&topic.name));
+    let topics: Vec<TopicId> = compared.map(|topic| topic.id).collect();
+    let options = CursorOptions { topics: Some(topics), start: end.after_ns(1), ..CursorOptions::default() };
+    let goes_on = longer.cursor(options).next().transpose()?.is_some();
+    let end_s = to_the_nanosecond(end.seconds_since(a.info().start));
+    Ok(goes_on.then_some(ShorterRecording { is_first, end, end_s }))
 }
 
 /// What two recordings say differently of the runs that they begin with; nothing if neither is the recording of a run.
@@ -65,10 +91,11 @@ fn differences(a: &Log, b: &Log, most: usize) -> Result<Vec<Difference>, LogErro
     let (mut ones, mut others) = (cursor(a), cursor(b));
     let mut reassembly = [a, b].map(Reassembly::new);
     let mut matcher = Matcher::new(a.info().start);
+    let end = a.info().end.min(b.info().end);
     let mut found = Vec::new();
     while found.len() < most {
-        let (one, other) = (next_time(&mut ones)?, next_time(&mut others)?);
-        let Some(time) = one.into_iter().chain(other).min() else { break };
+        let next = [next_time(&mut ones)?, next_time(&mut others)?];
+        let Some(time) = next.into_iter().flatten().min().filter(|time| *time <= end) else { break };
         put_until(&mut matcher, Side::First, a, &mut reassembly[0], &mut ones, time, is_compared)?;
         put_until(&mut matcher, Side::Second, b, &mut reassembly[1], &mut others, time, is_compared)?;
         found.extend(matcher.settle_each());

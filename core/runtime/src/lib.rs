@@ -114,7 +114,7 @@ pub use command::{BUILT_IN, CommandDef, CommandSet, NoCommands, Obeys, Order};
 pub use compare::Difference;
 pub use conversion::{acquisition_time, states_acquisition};
 pub use cycle::{Cycle, Msg};
-pub use diff::{RunDifference, diff, diff_each, diff_runs};
+pub use diff::{RunDifference, ShorterRecording, diff, diff_each, diff_lengths, diff_runs};
 pub use error::RunError;
 pub use files::{FileTable, NamedFile};
 pub use history::{Moment, PastOptions, PastUse, RunId, RunSummary, Session};

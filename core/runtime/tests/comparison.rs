@@ -7,7 +7,7 @@ mod common;
 use common::{PAIR, plan, seconds, stepped, write_log};
 use rcs_msg::AnyMessage;
 use rcs_runtime::source::{Compared, Comparison, LogSource, Source, StackSource, Task, finish_idle};
-use rcs_runtime::{PastOptions, RecordOptions, Recording, RunId, RunOptions, diff};
+use rcs_runtime::{PastOptions, RecordOptions, Recording, RunId, RunOptions, diff, diff_each, diff_lengths};
 use std::path::Path;
 
 const RUNS: [Compared; 2] = [Compared::Run(RunId(0)), Compared::Run(RunId(1))];
@@ -157,6 +157,57 @@ fn two_recordings_are_compared_to_their_ends_and_the_first_difference_is_that_of
 }
 
 #[test]
+fn of_two_recordings_of_one_run_nothing_differs_up_to_the_end_of_the_shorter_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let [short, long] = ["short", "long"].map(|name| folder.path().join(name));
+    for (path, to_s) in [(&short, 1.2), (&long, 2.0)] {
+        let mut run = stepped(PAIR, RunOptions { seed: 7, ..RunOptions::default() });
+        let options = RecordOptions { lossless: true, ..RecordOptions::default() };
+        let recording = Recording::start(path, run.plan(), run.buffers(), &options).unwrap();
+        run.begin().unwrap();
+        run.run_until(seconds(to_s)).unwrap();
+        recording.finish_at(run.now()).unwrap();
+    }
+    let ends = [&short, &long].map(|path| rcs_log::Log::open(path).unwrap().info().end);
+    for (one, other, is_first) in [(&short, &long, true), (&long, &short, false)] {
+        let [a, b] = [one, other].map(|path| rcs_log::Log::open(path).unwrap());
+        assert!(diff_each(&a, &b).unwrap().is_empty());
+        let shorter = diff_lengths(&a, &b).unwrap().unwrap();
+        assert_eq!((shorter.is_first, shorter.end), (is_first, ends[0]));
+        assert_eq!(diff_lengths(&a, &a).unwrap(), None);
+        let mut source = LogSource::open(one).unwrap();
+        source.against(std::slice::from_ref(other));
+        let comparison = compared(&mut source, [Compared::Recorded, Compared::Other]);
+        assert_eq!((buffers(&comparison), comparison.until), (vec![], Some(ends[0])));
+        let expected = if is_first { ends } else { [ends[1], ends[0]] };
+        assert_eq!(comparison.recording_ends, expected.map(Some));
+    }
+}
+
+#[test]
+fn the_viewed_moment_of_the_other_recording_is_in_the_frame_while_it_is_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plain, changed] = ["plain", "changed"].map(|name| folder.path().join(name));
+    record(&plain, None);
+    // Its counts differ from 1 s on.
+    record(&changed, Some(3.0));
+    let mut source = LogSource::open(&plain).unwrap();
+    source.against(std::slice::from_ref(&changed));
+    compared(&mut source, [Compared::Recorded, Compared::Other]);
+    for (to_s, is_equal) in [(0.5, true), (1.5, false), (0.7, true)] {
+        go(&mut source, to_s);
+        let frame = source.frame();
+        let count = |frame: &rcs_runtime::source::Frame| {
+            frame.topic("/counter/count").unwrap().latest.as_ref().unwrap().message.bytes()
+        };
+        assert_eq!(count(&frame) == count(frame.other.as_ref().unwrap()), is_equal, "{to_s} s");
+    }
+    source.compare(&[]);
+    finish_idle(&mut source);
+    assert!(source.frame().other.is_none());
+}
+
+#[test]
 fn recordings_without_a_common_buffer_are_not_compared() {
     let folder = tempfile::tempdir().unwrap();
     let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
@@ -182,7 +233,8 @@ fn a_run_that_goes_past_the_end_of_an_equal_recording_has_no_difference() {
     for sides in [[Compared::Run(RunId(0)), Compared::Other], [Compared::Other, Compared::Run(RunId(0))]] {
         let comparison = compared(&mut source, sides);
         assert_eq!(buffers(&comparison), Vec::<&str>::new());
-        assert_eq!((comparison.until, comparison.recording_end), (Some(end), Some(end)));
+        let ends: Vec<_> = comparison.recording_ends.into_iter().flatten().collect();
+        assert_eq!((comparison.until, ends), (Some(end), vec![end]));
     }
 }
 

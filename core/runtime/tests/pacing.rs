@@ -183,7 +183,7 @@ impl Source for Comparer {
             differences: Arc::new([]),
             until: Some(self.until),
             progress: (self.until < self.busy.now).then_some(0.99),
-            recording_end: None,
+            recording_ends: [None; 2],
             left_out: [0, 0],
             gaps: Arc::new([]),
             problem: None,

@@ -4,7 +4,7 @@ use crate::plain::plain;
 use crate::table::{Align, Table};
 use rcs_log::Log;
 use rcs_msg::channel::WRITER;
-use rcs_runtime::{Difference, RunDifference};
+use rcs_runtime::{Difference, RunDifference, ShorterRecording};
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -15,6 +15,9 @@ pub(crate) struct Comparison {
     /// What two recordings say differently of their runs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     runs: Vec<OfRuns>,
+    /// Which of two recordings ends before the other one: up to there their messages are compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shorter: Option<Shorter>,
     /// The first message that differs.
     first: Option<OfMessage>,
     /// The first difference of each buffer, in the order of time, if that was asked for.
@@ -27,6 +30,15 @@ pub(crate) struct Comparison {
 struct OfRuns {
     field: String,
     values: [String; 2],
+}
+
+/// The one of two recordings that ends first.
+#[derive(Debug, Serialize)]
+struct Shorter {
+    /// `first` or `second`.
+    recording: &'static str,
+    /// Seconds since the start of the first one.
+    end_s: f64,
 }
 
 /// A message that differs.
@@ -48,21 +60,26 @@ impl Comparison {
     /// A recording, and the first message in which a run that repeats it differs.
     pub(crate) fn with_recording(log: &Log, first: Option<&Difference>) -> Self {
         let first = first.map(|first| OfMessage::new(&[log], first));
-        Self { equal: first.is_none(), runs: Vec::new(), first, all: None }
+        Self { equal: first.is_none(), runs: Vec::new(), shorter: None, first, all: None }
     }
 
-    /// Two recordings: what they say differently of their runs, and their differences in the order of time, of which all
-    /// are told or the first one.
+    /// Two recordings: what they say differently of their runs, which of them ends first, and the differences of their
+    /// messages in the order of time, of which all are told or the first one.
     pub(crate) fn of_recordings(
         logs: [&Log; 2],
         runs: Vec<RunDifference>,
+        shorter: Option<ShorterRecording>,
         differences: &[Difference],
         tells_all: bool,
     ) -> Self {
         let all: Vec<OfMessage> = differences.iter().map(|found| OfMessage::new(&logs, found)).collect();
         Self {
-            equal: runs.is_empty() && all.is_empty(),
+            equal: runs.is_empty() && shorter.is_none() && all.is_empty(),
             runs: runs.into_iter().map(|run| OfRuns { field: run.field, values: run.values }).collect(),
+            shorter: shorter.map(|shorter| Shorter {
+                recording: if shorter.is_first { "first" } else { "second" },
+                end_s: shorter.end_s,
+            }),
             first: all.first().cloned(),
             all: tells_all.then_some(all),
         }
@@ -71,8 +88,11 @@ impl Comparison {
     /// One line about the messages.
     pub(crate) fn line(&self) -> String {
         match &self.first {
-            None if self.equal => "equal".to_owned(),
-            None => "no message differs".to_owned(),
+            None => {
+                let equal = if self.runs.is_empty() { "equal" } else { "no message differs" };
+                let limit = self.shorter.as_ref().map(|shorter| format!(" {}", shorter.text()));
+                equal.to_owned() + &limit.unwrap_or_default()
+            }
             Some(first) => {
                 let OfMessage { time_s, buffer, writer, sequence, field, detail, .. } = first;
                 let writer = if writer.is_empty() { String::new() } else { format!(" ({writer})") };
@@ -82,15 +102,28 @@ impl Comparison {
         }
     }
 
-    /// Writes a line for each thing that differs of the runs, and the difference of the messages, or a table of all.
+    /// Writes a line for each thing that differs of the runs, and the difference of the messages, or a table of all with
+    /// the time up to which they are compared.
     pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         for run in &self.runs {
             writeln!(out, "{}", plain(&run.line()))?;
         }
         match &self.all {
-            Some(all) if !all.is_empty() => table(all).write(out),
+            Some(all) if !all.is_empty() => {
+                if let Some(shorter) = &self.shorter {
+                    writeln!(out, "compared {}", shorter.text())?;
+                }
+                table(all).write(out)
+            }
             _ => writeln!(out, "{}", self.line()),
         }
+    }
+}
+
+impl Shorter {
+    /// `up to 6.000000 s, where the first ends`.
+    fn text(&self) -> String {
+        format!("up to {:.6} s, where the {} ends", self.end_s, self.recording)
     }
 }
 
@@ -196,7 +229,7 @@ mod tests {
         });
         let found: Vec<Difference> = found.into_iter().collect();
         let mut out = Vec::new();
-        let comparison = Comparison::of_recordings([&log, &log], vec![run], &found, tells_all);
+        let comparison = Comparison::of_recordings([&log, &log], vec![run], None, &found, tells_all);
         comparison.write(&mut out).unwrap();
         String::from_utf8(out).unwrap()
     }
@@ -217,5 +250,19 @@ mod tests {
         );
         let one = "only the first is the recording of a run\nno message differs\n";
         assert_eq!(told("run", ["a run", ""], None, false), one);
+    }
+
+    #[test]
+    fn the_end_of_a_shorter_recording_is_told_apart_from_messages_that_differ() {
+        let log = Log::from_bytes(Vec::from(*b"\x89MCAP0\r\n").into()).unwrap();
+        let shorter = ShorterRecording { is_first: true, end: Stamp(6_000_000_000), end_s: 6.0 };
+        let run = RunDifference { field: "seed".to_owned(), values: ["0", "1"].map(str::to_owned) };
+        let of = |runs| Comparison::of_recordings([&log, &log], runs, Some(shorter), &[], false);
+        let (alike, other) = (of(Vec::new()), of(vec![run]));
+        assert_eq!(alike.line(), "equal up to 6.000000 s, where the first ends");
+        assert_eq!(other.line(), "no message differs up to 6.000000 s, where the first ends");
+        let json = serde_json::to_value(&alike).unwrap();
+        let expected = serde_json::json!({"recording": "first", "end_s": 6.0});
+        assert_eq!((&json["equal"], &json["shorter"]), (&false.into(), &expected));
     }
 }

@@ -2,8 +2,10 @@
 
 use crate::{format, tokens};
 use egui::{
-    Align, Color32, FontId, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder, Vec2,
+    Align, Color32, FontId, Galley, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder,
+    Vec2,
 };
+use std::sync::Arc;
 
 /// A colour swatch and its name, as a row of a legend.
 pub fn swatch(ui: &mut Ui, color: Color32, name: &str) -> Response {
@@ -73,31 +75,53 @@ pub fn round_step(least: f64) -> f64 {
         .unwrap_or(10.0 * power)
 }
 
+/// A scale bar that is laid out.
+struct ScaleBar {
+    ends: [Pos2; 2],
+    text: Arc<Galley>,
+    text_at: Pos2,
+    ground: Rect,
+}
+
+/// Half of the height of the ends of a scale bar.
+const SCALE_END: Vec2 = Vec2::new(0.0, 4.0);
+
+impl ScaleBar {
+    fn new(ui: &Ui, right_bottom: Pos2, points_per_m: f64) -> Self {
+        let length_m = round_step(64.0 / points_per_m);
+        let length = (length_m * points_per_m) as f32;
+        let y = right_bottom.y - 4.0;
+        let (left, right) = (Pos2::new(right_bottom.x - length, y), Pos2::new(right_bottom.x, y));
+        let text = if length_m >= 1000.0 {
+            format!("{} km", length_m / 1000.0)
+        } else {
+            format!("{} m", format::number(length_m))
+        };
+        let text = ui.painter().layout_no_wrap(text, FontId::proportional(11.0), tokens(ui).strong);
+        let at = Pos2::new(left.x + length / 2.0, y - 3.0);
+        let place = egui::Align2::CENTER_BOTTOM.anchor_size(at, text.size());
+        let bar = Rect::from_two_pos(left - SCALE_END, right + SCALE_END);
+        let ground = place.union(bar).expand2(Vec2::new(4.0, 1.0));
+        Self { ends: [left, right], text, text_at: place.min, ground }
+    }
+}
+
+/// Where a [`scale_bar`] lies, so that other things leave it free.
+pub fn scale_bar_place(ui: &Ui, right_bottom: Pos2, points_per_m: f64) -> Rect {
+    ScaleBar::new(ui, right_bottom, points_per_m).ground
+}
+
 /// A bar with a length in metres, whose right end is at `right_bottom`, on the ground that texts on a canvas have.
 pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
-    let tokens = tokens(ui);
-    let length_m = round_step(64.0 / points_per_m);
-    let length = (length_m * points_per_m) as f32;
-    let painter = ui.painter();
-    let y = right_bottom.y - 4.0;
-    let (left, right) = (Pos2::new(right_bottom.x - length, y), Pos2::new(right_bottom.x, y));
-    let text = if length_m >= 1000.0 {
-        format!("{} km", length_m / 1000.0)
-    } else {
-        format!("{} m", format::number(length_m))
-    };
-    let galley = painter.layout_no_wrap(text, FontId::proportional(11.0), tokens.strong);
-    let at = Pos2::new(left.x + length / 2.0, y - 3.0);
-    let place = egui::Align2::CENTER_BOTTOM.anchor_size(at, galley.size());
-    let up = Vec2::new(0.0, 4.0);
-    let ground = place.union(Rect::from_two_pos(left - up, right + up)).expand2(Vec2::new(4.0, 1.0));
+    let ScaleBar { ends, text, text_at, ground } = ScaleBar::new(ui, right_bottom, points_per_m);
+    let (tokens, painter) = (tokens(ui), ui.painter());
     painter.rect_filled(ground, 2.0, tokens.surface[3].gamma_multiply(0.92));
     let stroke = Stroke::new(1.5, tokens.strong);
-    painter.line_segment([left, right], stroke);
-    for end in [left, right] {
-        painter.line_segment([end - up, end + up], stroke);
+    painter.line_segment(ends, stroke);
+    for end in ends {
+        painter.line_segment([end - SCALE_END, end + SCALE_END], stroke);
     }
-    painter.galley(place.min, galley, tokens.strong);
+    painter.galley(text_at, text, tokens.strong);
 }
 
 /// A panel on a canvas for a legend or a readout; `corner` is its corner of the canvas. Returns its rectangle.

@@ -10,10 +10,13 @@ use crate::view::{RunChoice, SavedState, View, ViewContext};
 use egui::{RichText, ScrollArea, TextEdit, Ui};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_formula::{FieldRef, Formula, Over};
-use rcs_msg::Stamp;
+use rcs_msg::{FieldPath, Stamp, rcs};
 use rcs_runtime::source::{Control, FieldPoint, Frame, Series, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// Width below which a formula has a line of its own above its buttons, screen points.
+const NARROW: f32 = 400.0;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -155,12 +158,12 @@ impl View for Conditions {
     }
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        self.entry(ui, &mut cx.selection.drafts.condition);
+        self.entry(ui, cx.frame, &mut cx.selection.drafts.condition);
         let shown = self.find(ui.ctx(), cx.frame);
         if self.saved.conditions.is_empty() {
-            let hint =
-                "Write one above, such as /supervisor/status.state == ERROR or /wm1/status.faults > 0.";
-            return widgets::empty(ui, icons::ICON_RULE, "No conditions", hint);
+            let [state, faults] = ["state", "faults"].map(|field| example(cx.frame, field));
+            let hint = format!("Write one above, such as {state} == ERROR or {faults} > 0.");
+            return widgets::empty(ui, icons::ICON_RULE, "No conditions", &hint);
         }
         let mut removed = None;
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
@@ -184,15 +187,27 @@ impl View for Conditions {
     }
 }
 
+/// A field of the status of a process of the source, as a formula contains it: of one that supervises others, else of the
+/// first one.
+fn example(frame: &Frame, field: &str) -> String {
+    let has_status = |info: &&rcs::ProcessInfo| frame.topic(&info.status_buffer).is_some();
+    let supervises =
+        |info: &&rcs::ProcessInfo| frame.processes.iter().any(|other| other.supervisor == info.name);
+    let known: Vec<&rcs::ProcessInfo> = frame.processes.iter().filter(has_status).collect();
+    let found = known.iter().copied().find(supervises).or(known.first().copied());
+    let topic = found.map_or("/robot/status", |info| info.status_buffer.as_str()).to_owned();
+    FieldRef { topic, path: FieldPath::root().field(field) }.to_string()
+}
+
 impl Conditions {
     /// The line for a new condition, with its text.
-    fn entry(&mut self, ui: &mut Ui, new: &mut String) {
+    fn entry(&mut self, ui: &mut Ui, frame: &Frame, new: &mut String) {
         egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
             let parsed = new.parse::<Formula>();
             ui.horizontal(|ui| {
                 let edit = TextEdit::singleline(new)
                     .font(egui::TextStyle::Monospace)
-                    .hint_text("a condition, such as /wm1/status.faults > 0")
+                    .hint_text(format!("a condition, such as {} > 0", example(frame, "faults")))
                     .desired_width((ui.available_width() - 64.0).max(64.0));
                 let response = ui.add(edit);
                 ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("New condition"));
@@ -249,6 +264,12 @@ impl Conditions {
         let formula = condition.formula.clone();
         let hits = self.hits.entry(formula.clone()).or_default();
         let mut removed = false;
+        let is_narrow = ui.available_width() < NARROW;
+        if is_narrow {
+            egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 0)).show(ui, |ui| {
+                ui.add(egui::Label::new(widgets::mono(&formula)).wrap());
+            });
+        }
         ui.horizontal(|ui| {
             ui.add_space(8.0);
             ui.checkbox(&mut condition.stops, "")
@@ -297,7 +318,9 @@ impl Conditions {
             ui.label(RichText::new(format!("{}×", hits.times.len())).small().color(tokens.weak))
                 .on_hover_text("how often it began to hold, as far as is known");
             removed = widgets::icon_button(ui, icons::ICON_CLOSE, &format!("Remove {formula}")).clicked();
-            ui.add(egui::Label::new(widgets::mono(&formula)).truncate());
+            if !is_narrow {
+                ui.add(egui::Label::new(widgets::mono(&formula)).truncate());
+            }
         });
         let note = match (&found.problem, &self.reached) {
             (Some(problem), _) => Some((problem.to_string(), tokens.warning)),
@@ -399,6 +422,19 @@ mod tests {
         view.saved.conditions[0].stops = true;
         assert_eq!(stop(&mut view, &played(11, 38, &fields)), None, "it was ticked later");
         assert_eq!(stop(&mut view, &played(11, 48, &fields)), Some(Stamp(40)));
+    }
+
+    #[test]
+    fn the_example_names_a_field_that_a_process_of_the_source_has() {
+        let frame = samples::full();
+        let [state, faults] = ["state", "faults"].map(|field| example(&frame, field));
+        for text in [format!("{state} == ERROR"), format!("{faults} > 0")] {
+            let formula: Formula = text.parse().unwrap();
+            let field = &formula.fields()[0];
+            let status = &frame.topic(&field.topic).expect(&text).latest.as_ref().unwrap().message;
+            assert!(status.value().unwrap().get(&field.path).is_ok(), "{text}");
+        }
+        assert_eq!(example(&samples::empty(), "state"), "/robot/status.state");
     }
 
     #[test]

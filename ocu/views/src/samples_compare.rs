@@ -81,7 +81,7 @@ pub(crate) fn compared() -> Frame {
         differences: Arc::new(differences),
         until: Some(NOW),
         progress: None,
-        recording_end: None,
+        recording_ends: [None; 2],
         left_out: [0, 0],
         gaps: Arc::new([]),
         problem: None,

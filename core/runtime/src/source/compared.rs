@@ -29,8 +29,8 @@ pub struct Comparison {
     pub until: Option<Stamp>,
     /// Progress, 0 to 1; `None` when everything that is known of both was compared.
     pub progress: Option<f64>,
-    /// Where one side is a run and the other a recording: the end of the recording, after which nothing is compared.
-    pub recording_end: Option<Stamp>,
+    /// The ends of those sides that are recordings; nothing after the first of them is compared.
+    pub recording_ends: [Option<Stamp>; 2],
     /// Number of buffers that only the first has, and that only the second has.
     pub left_out: [usize; 2],
     /// Parts of which a side has no messages, because they were not kept.

@@ -321,6 +321,8 @@ pub struct Frame {
     pub comparisons: Arc<[Comparison]>,
     /// Name of the recording that [`super::Compared::Other`] means.
     pub against: Option<Arc<str>>,
+    /// The same moment in that recording, while it is compared: topics, tracks and transforms.
+    pub other: Option<Arc<Frame>>,
 }
 
 impl Frame {
@@ -345,6 +347,7 @@ impl Frame {
             is_beside: false,
             comparisons: Arc::new([]),
             against: None,
+            other: None,
         }
     }
 

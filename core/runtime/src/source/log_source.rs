@@ -78,7 +78,7 @@ impl Source for LogSource {
     fn frame(&mut self) -> Frame {
         self.generation += 1;
         self.tell_problems();
-        Frame {
+        let mut frame = Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
             now: self.place.time,
@@ -97,7 +97,10 @@ impl Source for LogSource {
             is_beside: false,
             comparisons: self.comparing.read(self.info.start, self.info.end.unwrap_or(Stamp::MAX)),
             against: self.comparing.other(),
-        }
+            other: None,
+        };
+        frame.other = self.comparing.other_frame(&frame);
+        frame
     }
 
     fn seek(&mut self, to: Stamp, _task: &Task) -> Result<(), SourceError> {

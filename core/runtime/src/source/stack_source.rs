@@ -398,9 +398,11 @@ impl Source for StackSource {
                 self.comparing.read(self.info.start, end)
             },
             against: self.comparing.other(),
+            other: None,
         };
-        let Self { session, gathering, placing, beside, recorded, .. } = self;
+        let Self { session, gathering, placing, beside, recorded, comparing, .. } = self;
         frame.beside = beside.frames(&frame, session, &gathering.times, placing, recorded.as_ref());
+        frame.other = comparing.other_frame(&frame);
         frame
     }
 

@@ -285,7 +285,7 @@ impl Camera {
         if is_old(topic, cx.frame.now) {
             stale::cover(ui, rect.intersect(canvas), topic.age_s(cx.frame.now).unwrap_or(0.0));
         }
-        badge::implausible(ui, canvas, "values", implausible);
+        badge::implausible(ui, canvas, badge::DOWN, "values", implausible);
         self.legends(ui, canvas, &shown);
         let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         let base = &shown[0];

@@ -110,7 +110,7 @@ impl View for Compare {
                 ui.painter().hline(map.x_range(), map.top(), egui::Stroke::new(1.0, tokens.line));
             }
             let canvas = map.shrink(0.5);
-            let ended = [0, 1].map(|index: usize| ended(cx.frame, comparison, sides[index], &names[index]));
+            let ended = [0, 1].map(|index: usize| ended(cx.frame, comparison, index, &names[index]));
             within(ui, canvas, |ui| map::ui(ui, canvas, frames, &names, &ended, &mut self.saved.viewport));
         }
         ui.advance_cursor_after_rect(area);
@@ -118,8 +118,8 @@ impl View for Compare {
 }
 
 /// Says when a side ended, where that was before the viewed time.
-fn ended(frame: &Frame, comparison: &Comparison, side: Compared, name: &str) -> Option<String> {
-    let end = side::ended(frame, comparison, side, frame.now)?;
+fn ended(frame: &Frame, comparison: &Comparison, index: usize, name: &str) -> Option<String> {
+    let end = side::ended(frame, comparison, index, frame.now)?;
     Some(format!("{name} ended at {:.2} s", end.seconds_since(frame.info.start)))
 }
 
@@ -272,7 +272,9 @@ fn notes(frame: &Frame, comparison: &Comparison, until: Option<&str>) -> Vec<Str
     if let Some(progress) = comparison.progress {
         notes.push(format!("{:.0} % compared", 100.0 * progress));
     } else if let Some(until) = until {
-        notes.push(format!("compared up to {until}"));
+        let at_end = side::first_end(frame, comparison).filter(|(_, end)| comparison.until == Some(*end));
+        let why = at_end.map(|(name, _)| format!(", where {name} ends")).unwrap_or_default();
+        notes.push(format!("compared up to {until}{why}"));
     }
     let lost_s: f64 = comparison
         .gaps

@@ -49,31 +49,33 @@ pub(super) fn name(frame: &Frame, side: Compared) -> String {
     }
 }
 
-/// The end of a side; `None` for a recording that is compared with another one.
-fn end(frame: &Frame, comparison: &Comparison, side: Compared) -> Option<Stamp> {
-    match side {
+/// The end of the side with this index.
+fn end(frame: &Frame, comparison: &Comparison, index: usize) -> Option<Stamp> {
+    match comparison.sides[index] {
         Compared::Run(run) => frame.runs.all.iter().find(|known| known.id == run).map(|known| known.end),
-        Compared::Recorded | Compared::Other => comparison.recording_end,
+        Compared::Recorded | Compared::Other => comparison.recording_ends[index],
     }
 }
 
-/// The end of a side, if it is known and was before a time. The viewed run has not ended: it can go on.
-pub(super) fn ended(frame: &Frame, comparison: &Comparison, side: Compared, before: Stamp) -> Option<Stamp> {
-    let is_viewed = side == Compared::Run(frame.runs.current());
-    end(frame, comparison, side).filter(|end| *end < before && !is_viewed)
+/// The end of the side with this index, if it is known and was before a time. The viewed run has not ended: it can go on.
+pub(super) fn ended(frame: &Frame, comparison: &Comparison, index: usize, before: Stamp) -> Option<Stamp> {
+    let is_viewed = comparison.sides[index] == Compared::Run(frame.runs.current());
+    end(frame, comparison, index).filter(|end| *end < before && !is_viewed)
 }
 
 /// Name and end of the side that ended before the other one went on.
 pub(super) fn first_end(frame: &Frame, comparison: &Comparison) -> Option<(String, Stamp)> {
-    let sides = comparison.sides;
-    let last = sides.into_iter().filter_map(|side| end(frame, comparison, side)).max()?;
-    sides.into_iter().find_map(|side| Some((name(frame, side), ended(frame, comparison, side, last)?)))
+    let last = [0, 1].into_iter().filter_map(|index| end(frame, comparison, index)).max()?;
+    [0, 1].into_iter().find_map(|index| {
+        let end = ended(frame, comparison, index, last)?;
+        Some((name(frame, comparison.sides[index]), end))
+    })
 }
 
 /// The viewed moment on a side; `None` if it is not in the frame.
 pub(super) fn frame(frame: &Frame, side: Compared) -> Option<Cow<'_, Frame>> {
     let (of_run, is_recorded) = match side {
-        Compared::Other => return None,
+        Compared::Other => return frame.other.as_deref().map(Cow::Borrowed),
         Compared::Recorded => (frame, true),
         Compared::Run(run) => (frame.of_run(Some(run))?, false),
     };

@@ -4,15 +4,24 @@ use super::grid::Extent;
 use super::layers::{self, Kind, Layer};
 use super::{Map, paint, picture};
 use crate::badge;
+use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
 use egui::{Rect, Ui};
-use ocu_ui::icons;
+use ocu_ui::{icons, legend};
 use rcs_runtime::source::Frame;
 
 impl Map {
     /// Shows the number of implausible points in the visible layers, which are left out of the fitted region, and that a
     /// map is shown as it would be with the weights that are being edited.
-    pub(super) fn badges(&self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
+    pub(super) fn badges(
+        &self,
+        ui: &Ui,
+        frame: &Frame,
+        map: &str,
+        shown: &[&Layer<'_>],
+        viewport: Viewport,
+        canvas: Rect,
+    ) {
         let mut counts = Vec::new();
         for layer in shown {
             let pose = layers::map_from_layer(frame, map, layer);
@@ -41,10 +50,13 @@ impl Map {
             };
             counts.push((far, layer.name.as_str()));
         }
-        badge::implausible(ui, canvas, "places", counts);
+        let mut down = badge::DOWN;
         if let Some(text) = self.preview_text(shown) {
-            paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, &text);
+            let scale_bar = legend::scale_bar_place(ui, paint::scale_bar_at(canvas), viewport.scale);
+            let plate = paint::badge(ui, canvas, scale_bar, icons::ICON_TUNE, &text);
+            down = down.max(plate.bottom() + 4.0 - canvas.top());
         }
+        badge::implausible(ui, canvas, down, "places", counts);
     }
 
     /// Which maps are shown with other weights than those with which they were fused; `None` for none.

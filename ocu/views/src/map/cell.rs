@@ -1,5 +1,5 @@
-//! What a cell of a grid holds: the fused cost, a row for each source with the message that made it, a row for each part
-//! with heights, and the rest.
+//! What a cell of a grid holds: the fused cost, with what edited weights give above it, a row for each source with the
+//! message that made it, a row for each part with heights, and the rest.
 
 use super::grid::Cells;
 use super::layers::Layer;
@@ -9,7 +9,7 @@ use ocu_ui::widgets::mono;
 use ocu_ui::{format, tokens};
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, Topic};
-use rcs_world::{Label, MapMessage, Source, Weights, weights_of};
+use rcs_world::{Evidence, Fused, Label, MapMessage, Source, Weights, fuse, weights_of};
 use std::collections::BTreeSet;
 use std::fmt::Display;
 
@@ -149,21 +149,37 @@ impl Content<'_> {
         room.write_weak(ui, &format!("{layer}  cell {column}, {row}{keeps}"));
     }
 
-    /// The fused cost, if there is one, and by which source; returns the fields that it tells.
+    /// What the sources of the cell give with the weights that are being edited, by the rule by which the map is painted;
+    /// `None` while none are, or if the map cannot be fused.
+    fn preview(&self) -> Option<Fused> {
+        let weights = self.weights.as_ref().filter(|_| self.is_edited)?;
+        let byte = |field: &str, source: Source| {
+            let name = format!("{field}.{source}");
+            self.value(&name).filter(|_| self.cells.is_byte(&name)).map(|value| value as u8)
+        };
+        let sources = self.sources().filter_map(|name| Source::new(name).ok());
+        let said = sources.map(|source| {
+            let (cost, confidence) = (byte("cost", source)?, byte("conf", source)?);
+            let backing = byte("backing", source).unwrap_or(0);
+            Some((source, Evidence { cost, confidence, backing, ..Evidence::NONE }))
+        });
+        let said: Vec<(Source, Evidence)> = said.collect::<Option<_>>()?;
+        (!said.is_empty()).then(|| fuse(&said, weights))
+    }
+
+    /// The fused cost, if there is one, and by which source, below what edited weights give; returns the fields that it
+    /// tells.
     fn fused(&self, ui: &mut Ui, room: &mut Room) -> &'static [&'static str] {
-        let Some(fused) = self.fused_cost() else { return &[] };
-        let confidence = self.value("confidence").map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
+        if let Some(fused) = self.preview().filter(|_| room.lines > 1) {
+            let [cost, confidence, label] = [fused.cost, fused.confidence, fused.label as u8].map(f64::from);
+            let source = fused.source.as_ref().map(Source::name);
+            room.write(ui, &fused_line("preview", cost, Some(confidence), Some(label), source));
+        }
+        let Some(cost) = self.fused_cost() else { return &[] };
         let place = self.value("source").unwrap_or(f64::NAN);
         let source = if place >= 0.0 { self.sources().nth(place as usize) } else { None };
-        let by = source.map(|source| format!(" by {source}")).unwrap_or_default();
-        let label = match self.value("label") {
-            Some(label) if label == f64::from(Label::Ground as u8) => "  ground",
-            Some(label) if label == f64::from(Label::Obstacle as u8) => "  obstacle",
-            _ => "",
-        };
-        let cost = if fused > MOST_COST { "unknown".to_owned() } else { format!("cost {:>3}", short(fused)) };
-        let name = fused_name(self.is_edited);
-        room.write(ui, &format!("{name:<NAME$}{cost}{confidence}{label}{by}"));
+        let name = if self.is_edited { "in force" } else { "fused" };
+        room.write(ui, &fused_line(name, cost, self.value("confidence"), self.value("label"), source));
         &FUSED
     }
 
@@ -386,9 +402,23 @@ impl Content<'_> {
     }
 }
 
-/// Name of the fused cost in a cell: while weights are edited, the map shows another one than the cell holds.
-fn fused_name(is_edited: bool) -> &'static str {
-    if is_edited { "fused, in force  " } else { "fused" }
+/// A line about a fused cost: the cost, how sure it is, its class ([`Label`]), and the source with the most evidence.
+fn fused_line(
+    name: &str,
+    cost: f64,
+    confidence: Option<f64>,
+    label: Option<f64>,
+    source: Option<&str>,
+) -> String {
+    let cost = if cost > MOST_COST { "unknown".to_owned() } else { format!("cost {:>3}", short(cost)) };
+    let confidence = confidence.map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
+    let label = match label {
+        Some(label) if label == f64::from(Label::Ground as u8) => "  ground",
+        Some(label) if label == f64::from(Label::Obstacle as u8) => "  obstacle",
+        _ => "",
+    };
+    let by = source.map(|source| format!(" by {source}")).unwrap_or_default();
+    format!("{name:<NAME$}{cost}{confidence}{label}{by}")
 }
 
 /// Texts in columns of this width.
@@ -421,6 +451,8 @@ fn short(value: f64) -> String {
 mod tests {
     use super::*;
     use crate::samples;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
     use rcs_msg::AnyMessage;
     use rcs_msg::foxglove::packed_element_field::NumericType;
     use rcs_msg::foxglove::{Grid, PackedElementField};
@@ -464,8 +496,25 @@ mod tests {
     }
 
     #[test]
-    fn the_cost_in_force_is_named_while_weights_are_edited() {
-        assert_eq!(fused_name(false), "fused");
-        assert!(fused_name(true).starts_with("fused, in force"));
+    fn what_edited_weights_give_is_said_above_what_is_in_force() {
+        let mut map = rcs_world::Map::new(0.2).unwrap();
+        let cell = map.grid().centre();
+        for (source, cost) in [(Source::STEREO, 233), (Source::TERRAIN, 223)] {
+            map.vote(cell, source, cost, 1, Stamp(1), rcs_world::VoteRule::default());
+        }
+        let (sources, weights) = (map.sources(), Weights::default());
+        let options = rcs_world::MapOptions { sources, heights: false, weights: weights.clone() };
+        let message = MapMessage::new(map, "local", samples::NOW, options).into_message();
+        let mut harness = Harness::builder().with_context_setup(ocu_ui::install).build_ui(move |ui| {
+            let (frame, cells) = (samples::empty(), Cells::new(&message).unwrap());
+            let edited = Some(weights.clone().with(Source::STEREO, 0.0));
+            let cell = [100, 100];
+            let content = Content { frame: &frame, cells: &cells, cell, weights: edited, is_edited: true };
+            content.show(ui, &mut Room { chars: 80, lines: 30, usual: 30 }, false);
+        });
+        harness.run();
+        let preview = harness.get_by_label("preview    cost 223  conf  16  obstacle by terrain").rect();
+        let in_force = harness.get_by_label("in force   cost 233  conf  18  obstacle by stereo").rect();
+        assert!(preview.bottom() <= in_force.top(), "{preview} {in_force}");
     }
 }

@@ -349,7 +349,7 @@ impl Map {
             paint::robot(ui, robot, viewport, canvas, &mut labels);
         }
         paint::metre_numbers(ui, canvas, numbers);
-        self.badges(ui, cx.frame, map, &shown, canvas);
+        self.badges(ui, cx.frame, map, &shown, viewport, canvas);
         self.paint_measured(ui, viewport, canvas, &mut labels);
         let at = plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas };
         self.draw_mission(ui, cx, map, &response, at, &mut labels);
@@ -359,7 +359,7 @@ impl Map {
         labels.paint(&painter, free, tokens(ui));
         self.point_at(ui, cx, map, &shown, &response, viewport);
         self.offer_undo(ui, cx, map, canvas);
-        legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 36.0), viewport.scale);
+        legend::scale_bar(ui, paint::scale_bar_at(canvas), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), viewport, map == WGS84);
         // In a narrow map the read-out takes the place of the legend, and in a low one it would hide too much.
         let reads_out = response.hovered() || self.kept.is_some();

@@ -29,6 +29,11 @@ use std::ops::Range;
 const LEAST_ARROW: f64 = 6.0;
 /// Distance from the position of a vehicle within which its mark lies, screen points.
 const VEHICLE: f32 = 12.0;
+/// Where the arrow to the north ends, from the upper left corner of the map, screen points.
+const NORTH: Vec2 = Vec2::splat(45.0);
+/// Width that a note at the top has at least beside the scale bar, and its distance from it, screen points.
+const LEAST_NOTE: f32 = 160.0;
+const BESIDE: f32 = 4.0;
 
 impl Map {
     /// Paints a grid as a textured quadrilateral. Of a grid that lies over another one, cells without a cost show what is
@@ -169,15 +174,33 @@ impl Map {
     }
 }
 
-/// A note at the top of the canvas, `down` points below its edge.
-pub(super) fn badge(ui: &Ui, canvas: Rect, down: f32, icon: ocu_ui::Icon, text: &str) {
+/// Where the right end of the scale bar is.
+pub(super) fn scale_bar_at(canvas: Rect) -> Pos2 {
+    canvas.right_top() + Vec2::new(-12.0, 36.0)
+}
+
+/// A note at the top of the canvas, between the arrow to the north and the scale bar; below them where these leave little
+/// room. Returns its plate.
+pub(super) fn badge(ui: &Ui, canvas: Rect, scale_bar: Rect, icon: ocu_ui::Icon, text: &str) -> Rect {
     let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
+    let (north, margin) = (canvas.min + NORTH, Vec2::new(6.0, 2.0));
+    let between = Rect::from_min_max(
+        Pos2::new(north.x + BESIDE, canvas.top() + 18.0),
+        Pos2::new(scale_bar.left() - BESIDE, canvas.bottom()),
+    );
+    let below_corners = Pos2::new(canvas.left(), north.y.max(scale_bar.bottom()));
+    let below = Rect::from_min_max(below_corners, canvas.max).shrink(BESIDE);
+    let place = if between.width() >= LEAST_NOTE { between } else { below };
+    let place = place.shrink2(margin);
     let text = format!("{}  {text}", icon.codepoint);
-    let galley = painter.layout_no_wrap(text, FontId::proportional(12.0), tokens.warning);
-    let at = canvas.center_top() + Vec2::new(-galley.size().x / 2.0, down);
-    let plate = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
+    let galley = painter.layout(text, FontId::proportional(12.0), tokens.warning, place.width().max(1.0));
+    let centered = canvas.center().x - galley.size().x / 2.0;
+    let left = centered.min(place.right() - galley.size().x).max(place.left());
+    let at = Pos2::new(left, place.top());
+    let plate = Rect::from_min_size(at, galley.size()).expand2(margin);
     painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.92));
     painter.galley(at, galley, tokens.warning);
+    plate
 }
 
 /// A planned path.
@@ -346,6 +369,21 @@ pub(super) fn north(ui: &Ui, at: Pos2, viewport: Viewport, is_north: bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ocu_ui::{icons, legend};
+
+    #[test]
+    fn a_note_at_the_top_lies_in_the_map_and_leaves_the_scale_bar_free() {
+        for (width, points_per_m) in [(150.0, 6.5), (430.0, 6.5), (430.0, 12.5), (900.0, 12.5)] {
+            let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::new(width, 300.0));
+            let output = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+                let scale_bar = legend::scale_bar_place(ui, scale_bar_at(canvas), points_per_m);
+                let text = "preview of /wm1/map: edited weights, not sent";
+                let plate = badge(ui, canvas, scale_bar, icons::ICON_TUNE, text);
+                assert!(canvas.contains_rect(plate) && !plate.intersects(scale_bar), "{plate} {scale_bar}");
+            });
+            output.drop_without_applying_deltas();
+        }
+    }
 
     #[test]
     fn every_number_of_the_metre_lines_has_a_ground_below_it_and_the_digits_of_the_step() {

@@ -221,8 +221,15 @@ fn meant(cx: &ViewContext<'_>, topic: &Topic, plan: &PlanMessage) -> Option<(usi
     (is_ours || away_m <= NEAR_M).then_some(found)
 }
 
-/// A column of the table of both paths: its name, the value of each path, and the number of decimals.
-type Column<'a> = (&'a str, [Option<f64>; 2], usize);
+/// A column of the table of both paths: its name, the value of each path and how much more the second one has, rounded to
+/// what is shown, and the number of decimals.
+type Column<'a> = (&'a str, [Option<f64>; 3], usize);
+
+/// The column of these values. Its difference is that of the exact values, as a planner's sentence has it.
+fn column(name: &str, [ours, theirs]: [Option<f64>; 2], digits: usize) -> Column<'_> {
+    let difference = ours.zip(theirs).map(|(ours, theirs)| theirs - ours);
+    (name, [ours, theirs, difference].map(|value| Some(round(value?, digits))), digits)
+}
 
 /// The table of both paths: their lengths, costs and terms, and how they differ.
 fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
@@ -231,23 +238,19 @@ fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
     let terms =
         PLAN_TERMS.iter().filter(|(_, of)| paths.iter().flatten().any(|path| in_plan(path, *of) != 0.0));
     let mut columns: Vec<Column<'_>> = vec![
-        ("length, m", paths.map(|path| path.map(|path| path.length_m)), 1),
-        ("cost", paths.map(|path| path.map(|path| path.cost)), 0),
+        column("length, m", paths.map(|path| path.map(|path| path.length_m)), 1),
+        column("cost", paths.map(|path| path.map(|path| path.cost)), 0),
     ];
     columns.extend(terms.map(|(name, of)| {
         let values = paths.map(|path| path.map(|path| in_plan(path, *of)));
-        (*name, values, 0)
+        column(name, values, 0)
     }));
     if paths.iter().flatten().any(|path| path.beyond_cost != 0.0) {
-        columns.push(("beyond map", paths.map(|path| path.map(|path| path.beyond_cost)), 0));
+        columns.push(column("beyond map", paths.map(|path| path.map(|path| path.beyond_cost)), 0));
     }
-    // What is shown adds up, in rows and in columns.
-    for (_, values, digits) in &mut columns {
-        values.iter_mut().flatten().for_each(|value| *value = round(*value, *digits));
-    }
-    let rests = [0, 1].map(|path| rest(&columns, path));
-    let difference = rests[0].zip(rests[1]).map(|(ours, theirs)| theirs - ours);
-    if rests.into_iter().chain([difference]).flatten().any(|rest| rest.abs() >= 0.5) {
+    // What is shown adds up in each row.
+    let rests = [0, 1, 2].map(|row| rest(&columns, row));
+    if rests.into_iter().flatten().any(|rest| rest.abs() >= 0.5) {
         columns.push(("rounding", rests, 0));
     }
     let width = ((ui.available_width() - NAME) / columns.len() as f32).min(84.0);
@@ -263,16 +266,11 @@ fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
         widgets::cell(ui, name, Align::Min, title, FontId::proportional(12.0), tokens.text);
         let mut told = title.to_owned();
         for (at, (name, values, digits)) in columns.iter().enumerate() {
-            let value = match row {
-                0 => None,
-                3 => values[0].zip(values[1]).map(|(ours, theirs)| theirs - ours),
-                row => values[row - 1],
-            };
-            let text = match (row, value) {
-                (0, _) => (*name).to_owned(),
-                (_, None) => "–".to_owned(),
-                (3, Some(value)) => format!("{:+.digits$}", round(value, *digits)),
-                (_, Some(value)) => format!("{:.digits$}", round(value, *digits)),
+            let text = match row.checked_sub(1).map(|row| values[row]) {
+                None => (*name).to_owned(),
+                Some(None) => "–".to_owned(),
+                Some(Some(value)) if row == 3 => format!("{value:+.digits$}"),
+                Some(Some(value)) => format!("{value:.digits$}"),
             };
             let (font, color) = match row {
                 0 => (font.clone(), tokens.weak),
@@ -290,16 +288,16 @@ fn comparison(ui: &mut Ui, paths: [Option<&PlanCandidate>; 2]) {
     }
 }
 
-/// What the terms of a path lack of its cost, as they are shown: a planner may count whole numbers for each step, and the
+/// What the terms of a row lack of its cost, as they are shown: a planner may count whole numbers for each step, and the
 /// table shows whole numbers. The terms are the columns after the length and the cost.
-fn rest(columns: &[Column<'_>], path: usize) -> Option<f64> {
+fn rest(columns: &[Column<'_>], row: usize) -> Option<f64> {
     let [_, (_, costs, _), terms @ ..] = columns else { return None };
-    let terms: f64 = terms.iter().filter_map(|(_, values, _)| values[path]).sum();
-    Some(costs[path]? - terms)
+    let terms: f64 = terms.iter().filter_map(|(_, values, _)| values[row]).sum();
+    Some(costs[row]? - terms)
 }
 
-/// Rounded to what is shown, so that a small negative number is not shown as "-0".
+/// Rounded to what is shown, halves as in texts to an even digit, so that a small negative number is not shown as "-0".
 fn round(value: f64, digits: usize) -> f64 {
     let scale = 10_f64.powi(digits as i32);
-    (value * scale).round() / scale + 0.0
+    (value * scale).round_ties_even() / scale + 0.0
 }

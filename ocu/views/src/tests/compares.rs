@@ -8,7 +8,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::Stamp;
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Compared, Comparison, Control, Frame};
+use rcs_runtime::source::{Compared, Comparison, Control, Frame, RunTag, Runs, Topic};
 use std::sync::Arc;
 
 fn shown(frame: Frame) -> Harness<'static, Shown> {
@@ -124,10 +124,35 @@ fn the_end_of_a_recording_is_told_where_the_run_beside_it_goes_on() {
     let frame = with(|comparison| {
         comparison.sides = [SIDES[1], Compared::Other];
         comparison.differences = Arc::new([]);
-        (comparison.until, comparison.recording_end) = (Some(EARLY), Some(EARLY));
+        (comparison.until, comparison.recording_ends) = (Some(EARLY), [None, Some(EARLY)]);
     });
     let harness = shown(Frame { against: Some("drive.mcap".into()), ..frame });
     assert!(harness.query_by_label("No difference up to 7.50 s, where drive.mcap ends").is_some());
+}
+
+#[test]
+fn of_two_recordings_the_end_of_the_shorter_one_is_told() {
+    let frame = with(|comparison| {
+        comparison.sides = [Compared::Recorded, Compared::Other];
+        comparison.differences = Arc::new([]);
+        (comparison.until, comparison.recording_ends) = (Some(EARLY), [Some(samples::NOW), Some(EARLY)]);
+    });
+    let recorded = frame.topics.iter().cloned().map(|mut topic: Topic| {
+        topic.run = RunTag::Recorded;
+        topic
+    });
+    let (topics, runs) = (recorded.collect(), Runs::default());
+    let harness = shown(Frame { against: Some("short.mcap".into()), topics, runs, ..frame });
+    assert!(harness.query_by_label("bit-equal").is_some());
+    assert!(harness.query_by_label("No difference up to 7.50 s, where short.mcap ends").is_some());
+}
+
+#[test]
+fn another_recording_has_a_map_beside_that_of_the_run() {
+    let frame = with(|comparison| comparison.sides = [SIDES[1], Compared::Other]);
+    let other = frame.beside.first().cloned();
+    let harness = shown(Frame { against: Some("drive.mcap".into()), other, ..frame });
+    assert!(harness.query_by_label("105 of 1600 cells differ").is_some());
 }
 
 #[test]

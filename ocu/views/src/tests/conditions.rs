@@ -8,6 +8,25 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
 #[test]
+fn a_formula_is_shown_whole_in_a_narrow_view() {
+    let formula = "/planner/status.faults > 12345";
+    let mut shown = Shown::new("conditions", samples::full());
+    let condition = serde_json::json!({ "formula": formula, "stops": true });
+    shown.view.load(&serde_json::json!({ "conditions": [condition] })).unwrap();
+    let mut harness = harness(shown, Vec2::new(280.0, 300.0), Theme::Dark);
+    harness.run();
+    let is_whole = harness.output().shapes.iter().any(|clipped| match &clipped.shape {
+        egui::Shape::Text(text) => {
+            let place = clipped.shape.visual_bounding_rect();
+            let is_seen = !text.galley.elided && clipped.clip_rect.contains_rect(place);
+            text.galley.text() == formula && is_seen
+        }
+        _ => false,
+    });
+    assert!(is_whole);
+}
+
+#[test]
 fn a_condition_that_was_not_added_is_there_again_after_another_layout() {
     let formula = "/planner/status.faults > 0";
     let shown = Shown::new("conditions", samples::full());

@@ -96,22 +96,41 @@ fn with_plan(change: impl Fn(&mut Plan)) -> Harness<'static, Shown> {
     harness
 }
 
+fn candidate(cost: f64, terms: PlanTerms) -> PlanCandidate {
+    PlanCandidate { cost, terms: Some(terms), ..PlanCandidate::default() }
+}
+
 #[test]
 fn the_terms_that_are_shown_add_up_to_the_cost_that_is_shown() {
-    let candidate = |cost: f64, [terrain, clearance]: [f32; 2]| {
-        let terms = Some(PlanTerms { terrain, clearance, ..PlanTerms::default() });
-        Some(PlanCandidate { cost, terms, ..PlanCandidate::default() })
-    };
     let harness = with_plan(|plan| {
-        plan.chosen = candidate(20.8, [10.4, 10.4]);
-        plan.rejected = candidate(31.2, [10.6, 20.6]);
+        plan.chosen =
+            Some(candidate(20.8, PlanTerms { terrain: 10.4, clearance: 10.4, ..PlanTerms::default() }));
+        plan.rejected =
+            Some(candidate(31.2, PlanTerms { terrain: 10.6, clearance: 20.6, ..PlanTerms::default() }));
     });
     for row in [
         "cost 21, terrain 10, clearance 10, rounding 1",
         "cost 31, terrain 11, clearance 21, rounding -1",
-        "cost +10, terrain +1, clearance +11, rounding -2",
+        "cost +10, terrain +0, clearance +10, rounding +0",
     ] {
         assert!(harness.query_by_label_contains(row).is_some(), "{row}");
+    }
+}
+
+#[test]
+fn a_term_differs_by_as_much_as_the_reason_of_the_plan_says() {
+    let harness = with_plan(|plan| {
+        plan.chosen =
+            Some(candidate(71.4, PlanTerms { terrain: 100.0, heading: -28.6, ..PlanTerms::default() }));
+        plan.rejected =
+            Some(candidate(76.6, PlanTerms { terrain: 100.0, heading: -23.4, ..PlanTerms::default() }));
+        // As a planner writes it.
+        let more = -23.4_f32 - -28.6;
+        plan.reason = format!("the other way costs 5 more: heading {more:+.0}");
+    });
+    for text in ["costs 5 more: heading +5", "heading -29", "heading -23", "cost +5, terrain +0, heading +5"]
+    {
+        assert!(harness.query_by_label_contains(text).is_some(), "{text}");
     }
 }
 

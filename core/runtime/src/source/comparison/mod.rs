@@ -7,17 +7,20 @@
 //! The buffers that differ by their nature are left out: measured times, and the identity of the run. So are those that
 //! a log feeds, and those that only one side has. A run and a recording are compared from what the run writes before its
 //! first event up to the end of the recording, and without the descriptions of their processes, because a run may repeat
-//! a part of the recorded stack.
+//! a part of the recorded stack. Two recordings are compared up to the end of the shorter one.
 
+mod other;
 mod side;
 mod worker;
 
 use super::SourceError;
 use super::compared::{Compared, Comparison};
+use super::frame::Frame;
 use super::log_view::LogView;
 use crate::compare::Difference;
 use crate::history::{Piece, RunReader, Session};
 use crate::stack::Plan;
+use other::OtherView;
 use rcs_log::Log;
 use rcs_msg::{DeltaCodec, Stamp};
 use side::Input;
@@ -38,10 +41,12 @@ const WAIT: Duration = Duration::from_millis(4);
 struct Told {
     differences: Arc<[Difference]>,
     until: Option<Stamp>,
-    recording_end: Option<Stamp>,
+    recording_ends: [Option<Stamp>; 2],
     left_out: [usize; 2],
     gaps: Arc<[(Stamp, Stamp)]>,
     problem: Option<Arc<str>>,
+    /// The other recording, once it is open.
+    other: Option<Log>,
     /// Index of the side that it waits for: it has compared everything up to where that side is known.
     waits_for: Option<usize>,
     ended: bool,
@@ -76,6 +81,7 @@ pub(super) struct Comparing {
     pairs: Vec<Pair>,
     /// The files of the other recording; empty if none was chosen.
     against: Vec<PathBuf>,
+    other: OtherView,
 }
 
 struct Pair {
@@ -130,7 +136,7 @@ impl Pair {
             differences: Arc::clone(&told.differences),
             until: told.until.map(|until| until.min(end)),
             progress: is_busy.then_some(fraction),
-            recording_end: told.recording_end,
+            recording_ends: told.recording_ends,
             left_out: told.left_out,
             gaps: Arc::clone(&told.gaps),
             problem: told.problem.clone(),
@@ -153,9 +159,15 @@ impl Comparing {
     /// Sets the files of the other recording. Comparisons with the one before begin anew.
     pub(super) fn against(&mut self, files: &[PathBuf], subject: &Subject<'_>) {
         files.clone_into(&mut self.against);
+        self.other.set(None);
         let wanted: Vec<[Compared; 2]> = self.pairs.iter().map(|pair| pair.sides).collect();
         self.pairs.retain(|pair| !pair.sides.contains(&Compared::Other));
         self.compare(&wanted, subject);
+    }
+
+    /// The moment of `frame` in the other recording; `None` while it is not compared, or not open yet.
+    pub(super) fn other_frame(&mut self, frame: &Frame) -> Option<Arc<Frame>> {
+        self.other.frame(frame)
     }
 
     /// Name of the other recording.
@@ -241,13 +253,15 @@ impl Comparing {
         self.pairs.iter().any(Pair::is_busy)
     }
 
-    /// The same as background work: waits a little while other threads compare.
+    /// The same as background work, with the reading of the other recording: waits a little while other threads compare.
     pub(super) fn idle(&mut self, session: Option<&Session>) -> bool {
         let is_busy = self.feed(session);
-        if is_busy {
+        self.other.set(self.pairs.iter().find_map(|pair| lock(&pair.told).other.clone()));
+        let reads = self.other.idle();
+        if is_busy && !reads {
             std::thread::sleep(WAIT);
         }
-        is_busy
+        is_busy || reads
     }
 
     /// The comparisons as far as they have come; `end` is the last time that is known of the source.

@@ -119,21 +119,25 @@ impl Reading {
         }
     }
 
+    /// The recording that is read; `None` for a run.
+    pub(super) fn log(&self) -> Option<&Log> {
+        let Origin::Log(from) = &self.from else { return None };
+        Some(&from.log)
+    }
+
     /// Whether it is a recording, which may lack messages.
     pub(super) fn is_recording(&self) -> bool {
-        matches!(self.from, Origin::Log(_))
+        self.log().is_some()
     }
 
     /// The time before which a recording that began during its run has no messages.
     pub(super) fn begins(&self) -> Option<Stamp> {
-        let Origin::Log(from) = &self.from else { return None };
-        from.log.info().complete_from
+        self.log()?.info().complete_from
     }
 
     /// The time of the last message of a recording; `None` for a run, which may go on.
     pub(super) fn end(&self) -> Option<Stamp> {
-        let Origin::Log(from) = &self.from else { return None };
-        Some(from.log.info().end)
+        Some(self.log()?.info().end)
     }
 
     /// Reads only these buffers.

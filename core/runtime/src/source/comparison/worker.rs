@@ -30,7 +30,7 @@ impl Drop for Ending {
 }
 
 impl Work {
-    /// Starts the thread. It ends when both sides have ended, when a run has passed the end of the recording with which it
+    /// Starts the thread. It ends when both sides have ended, when one has passed the end of the recording with which it
     /// is compared, or when a run is no longer handed to it.
     pub(super) fn spawn(self, told: SharedTold) -> std::io::Result<()> {
         let run = move || {
@@ -44,14 +44,14 @@ impl Work {
 
     fn run(self, told: &SharedTold) -> Result<(), String> {
         let [first, second] = self.inputs;
+        let is_other = [&first, &second].map(|input| matches!(input, Input::Files(..)));
         let mut sides = [first.open()?, second.open()?];
+        let mut opened = sides.iter().zip(is_other).filter(|(_, is_other)| *is_other);
+        lock(told).other = opened.find_map(|(side, _)| side.log().cloned());
         let buffers = [sides[0].names(), sides[1].names()];
         let mut wanted: BTreeSet<String> = buffers[0].intersection(&buffers[1]).cloned().collect();
-        let recording_end = match [sides[0].end(), sides[1].end()] {
-            [Some(end), None] | [None, Some(end)] => Some(end),
-            _ => None,
-        };
-        if recording_end.is_some() {
+        let recording_ends = [sides[0].end(), sides[1].end()];
+        if let [Some(_), None] | [None, Some(_)] = recording_ends {
             // The run may be of a part of the recorded stack.
             wanted.remove(names::PROCESSES);
         }
@@ -68,13 +68,13 @@ impl Work {
             wanted,
             matcher,
             gaps: begins.map(|begins| (Stamp(0), begins)).into_iter().collect(),
-            recording_end,
+            recording_end: recording_ends.into_iter().flatten().min(),
             differences: Vec::new(),
         };
         let left_out = [0, 1].map(|side: usize| buffers[side].difference(&buffers[1 - side]).count());
         let mut now = lock(told);
         (now.left_out, now.gaps) = (left_out, joint.gaps.as_slice().into());
-        now.recording_end = recording_end;
+        now.recording_ends = recording_ends;
         drop(now);
         if joint.wanted.is_empty() {
             return Err("the two have no buffer in common".to_owned());
