@@ -37,6 +37,12 @@ pub enum PointsError {
         /// The expected type or end.
         expected: String,
     },
+    /// The size of a point is not set.
+    #[error("point cloud: size of a point is 0 bytes, expected at least {least}")]
+    NoSize {
+        /// Where the last field ends, bytes.
+        least: u64,
+    },
     /// The length of the data is not a multiple of the size of a point.
     #[error("point cloud: got {bytes} bytes, expected a multiple of {stride}")]
     Stride {
@@ -72,10 +78,18 @@ pub struct Points<'a> {
     intensity: Option<At>,
 }
 
-/// The points of a cloud.
+/// The points of a cloud. One without data and fields is empty.
 pub fn points(cloud: &PointCloud) -> Result<Points<'_>, PointsError> {
+    if cloud.data.is_empty() && cloud.fields.is_empty() {
+        let position = [At { offset: 0, number: Number::F32 }; 3];
+        return Ok(Points { data: &[], stride: 1, position, colour: None, intensity: None });
+    }
     let stride = cloud.point_stride as usize;
-    if stride == 0 || !cloud.data.len().is_multiple_of(stride) {
+    if stride == 0 {
+        let ends = cloud.fields.iter().filter_map(number_and_end).map(|(_, end)| end);
+        return Err(PointsError::NoSize { least: ends.max().unwrap_or(1) });
+    }
+    if !cloud.data.len().is_multiple_of(stride) {
         return Err(PointsError::Stride { bytes: cloud.data.len(), stride });
     }
     let find = |name: &str| cloud.fields.iter().find(|field| field.name == name);
@@ -104,8 +118,8 @@ pub fn points(cloud: &PointCloud) -> Result<Points<'_>, PointsError> {
     Ok(Points { data: &cloud.data, stride, position, colour, intensity })
 }
 
-fn at(field: &PackedElementField, stride: usize) -> Result<At, PointsError> {
-    let fail = |got: String, expected: String| PointsError::Field { name: field.name.clone(), got, expected };
+/// The number in a field, and where it ends within a point, bytes; `None` if its type is unknown.
+fn number_and_end(field: &PackedElementField) -> Option<(Number, u64)> {
     let number = match field.r#type() {
         NumericType::Uint8 => Number::U8,
         NumericType::Int8 => Number::I8,
@@ -115,9 +129,15 @@ fn at(field: &PackedElementField, stride: usize) -> Result<At, PointsError> {
         NumericType::Int32 => Number::I32,
         NumericType::Float32 => Number::F32,
         NumericType::Float64 => Number::F64,
-        NumericType::Unknown => return Err(fail("an unknown type".to_owned(), "a number".to_owned())),
+        NumericType::Unknown => return None,
     };
-    let end = u64::from(field.offset) + number.size() as u64;
+    Some((number, u64::from(field.offset) + number.size() as u64))
+}
+
+fn at(field: &PackedElementField, stride: usize) -> Result<At, PointsError> {
+    let fail = |got: String, expected: String| PointsError::Field { name: field.name.clone(), got, expected };
+    let (number, end) =
+        number_and_end(field).ok_or_else(|| fail("an unknown type".to_owned(), "a number".to_owned()))?;
     if end > stride as u64 {
         return Err(fail(format!("an end at byte {end}"), format!("at most {stride}, the size of a point")));
     }
@@ -200,12 +220,23 @@ mod tests {
     }
 
     #[test]
+    fn a_cloud_without_data_and_fields_is_empty() {
+        for stride in [0, 12] {
+            let cloud = cloud(&[], stride, vec![]);
+            let points = points(&cloud).expect("it is empty");
+            assert_eq!((points.len(), points.is_empty(), points.iter().count()), (0, true, 0));
+        }
+    }
+
+    #[test]
     fn fields_that_are_missing_or_outside_the_point_are_refused() {
         let cases = [
             (cloud(&XYZ[..2], 12, vec![0; 12]), "no field \"z\""),
             (cloud(&XYZ, 11, vec![0; 11]), "field z of the point cloud: got an end at byte 12"),
             (cloud(&XYZ, 12, vec![0; 13]), "point cloud: got 13 bytes, expected a multiple of 12"),
-            (cloud(&XYZ, 0, vec![]), "point cloud: got 0 bytes"),
+            (cloud(&XYZ, 0, vec![0; 24]), "point cloud: size of a point is 0 bytes, expected at least 12"),
+            (cloud(&XYZ, 0, vec![]), "point cloud: size of a point is 0 bytes, expected at least 12"),
+            (cloud(&[], 0, vec![0; 24]), "point cloud: size of a point is 0 bytes, expected at least 1"),
         ];
         for (cloud, expect) in cases {
             let error = points(&cloud).expect_err(expect).to_string();

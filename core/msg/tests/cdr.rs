@@ -1,5 +1,6 @@
 //! ROS 2 CDR: conversions of hand-made messages, both byte orders, and damaged messages.
 
+mod calibration;
 mod diagnostics;
 mod foxglove_msgs;
 mod maps;
@@ -128,25 +129,6 @@ fn compressed_formats_become_one_word_but_for_grey_of_16_bits_and_depth_becomes_
     }
 }
 
-#[test]
-fn a_calibration_keeps_its_matrices() {
-    let numbers: Vec<f64> = (0..30).map(f64::from).collect();
-    let mut writer = Writer::new(false);
-    writer
-        .header()
-        .u32(480)
-        .u32(640)
-        .text("plumb_bob")
-        .u32(5)
-        .floats(&[0.1, 0.2, 0.3, 0.4, 0.5])
-        .floats(&numbers);
-    let bytes = writer.u32(0).u32(0).u32(0).u32(0).u32(0).u32(0).u8(0).done();
-    let message = convert("sensor_msgs/msg/CameraInfo", &bytes);
-    let calibration = message.get::<foxglove::CameraCalibration>().expect("it is a calibration");
-    assert_eq!((calibration.width, calibration.height, calibration.d.len()), (640, 480, 5));
-    assert_eq!((calibration.k[8], calibration.r[0], calibration.p[11]), (8.0, 9.0, 29.0));
-}
-
 fn cloud(big_endian: bool, height: u32, row_step: u32, data: &[u8]) -> Bytes {
     let mut writer = Writer::new(big_endian);
     writer.header().u32(height).u32(1).u32(3);
@@ -183,6 +165,23 @@ fn a_cloud_shares_its_points_unless_rows_are_padded_or_numbers_big_endian() {
     let error = canonical(&named("sensor_msgs/msg/PointCloud2"), &short).expect("it is known");
     let error = error.expect_err("a row is missing").to_string();
     assert!(error.contains("got 12, expected 24"), "{error}");
+}
+
+#[test]
+fn a_default_cloud_is_empty_and_one_without_the_size_of_its_points_says_so() {
+    let mut writer = Writer::new(false);
+    let bytes = writer.header().u32(0).u32(0).u32(0).u8(0).u32(0).u32(0).data(&[]).u8(0).done();
+    let message = convert("sensor_msgs/msg/PointCloud2", &bytes);
+    let cloud = message.get::<foxglove::PointCloud>().expect("it is a cloud");
+    assert!(points(cloud).expect("it is valid").is_empty());
+
+    writer = Writer::new(false);
+    writer.header().u32(1).u32(2).u32(1).text("x").u32(0).u8(7).u32(1);
+    let bytes = writer.u8(0).u32(0).u32(0).data(&[0; 8]).u8(1).done();
+    let message = convert("sensor_msgs/msg/PointCloud2", &bytes);
+    let cloud = message.get::<foxglove::PointCloud>().expect("it is a cloud");
+    let error = points(cloud).expect_err("nobody knows where its points lie").to_string();
+    assert_eq!(error, "point cloud: size of a point is 0 bytes, expected at least 4");
 }
 
 /// A scan from `first_rad` on, with ranges from 0.5 m to `farthest_m`.
@@ -418,6 +417,14 @@ fn what_has_no_reader_says_why() {
             Schema::new("a/A", MessageEncoding::Cdr, "ros2idl", Bytes::new()),
             "its definition is in \"ros2idl\"",
         ),
+        (
+            Schema::new("", MessageEncoding::from_name(""), "", Bytes::new()),
+            "no reader for a message without a schema (encoding not stated): expected protobuf",
+        ),
+        (
+            Schema::new("a/A", MessageEncoding::Cdr, "", Bytes::new()),
+            "no reader for a/A (cdr): its definition was not recorded",
+        ),
         (Schema::new("a.A", MessageEncoding::Protobuf, "protobuf", Bytes::new()), "does not define it"),
         (
             Schema::new("a.A", MessageEncoding::Protobuf, "protobuf", Bytes::from_static(&[1])),
@@ -430,6 +437,18 @@ fn what_has_no_reader_says_why() {
         assert!(error.contains(expect), "{error}");
         assert_eq!(schema.value(&Bytes::new()).expect_err(expect).to_string(), error);
     }
+}
+
+#[test]
+fn a_message_with_content_is_not_read_by_a_definition_without_fields() {
+    let schema = schema("a/msg/Thing", "");
+    for empty in [vec![0, 1, 0, 0, 0], vec![0, 1, 0, 0, 0, 0, 0, 0]] {
+        schema.value(&empty.into()).expect("it is empty, perhaps with padding");
+    }
+    let bytes = Writer::new(false).floats(&[1.0]).done();
+    let error = schema.value(&bytes).expect_err("its definition was not recorded").to_string();
+    let reason = "got 12 bytes, expected at most 8: its definition has no fields";
+    assert_eq!(error, format!("a/msg/Thing does not decode: {reason}"));
 }
 
 const DEFINITION: &str = "bool a\nint8[] b\nstring c\nPart[] parts\nfloat64[3] d\nwstring e\nuint8[] data\n\

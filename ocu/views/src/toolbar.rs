@@ -5,7 +5,7 @@ use egui::{Align, Layout, Ui, Vec2};
 use ocu_ui::bar::{self, Bar, Choice, Form};
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{legend, tokens};
-use rcs_runtime::source::{Frame, RunTag, Topic};
+use rcs_runtime::source::{Frame, Topic};
 
 /// A toolbar, 28 points high, with a line below. Its items change `cx`.
 pub(crate) fn show<C>(ui: &mut Ui, bar: Bar<'_, C>, cx: &mut C) {
@@ -21,12 +21,23 @@ pub(crate) fn show<C>(ui: &mut Ui, bar: Bar<'_, C>, cx: &mut C) {
     ui.add_space(-ui.spacing().item_spacing.y);
 }
 
-/// Name of a topic, with its run where the same name exists both recorded and computed.
+/// Name of a topic, with its run where the same name exists both recorded and computed, else as in [`with_type`].
 pub(crate) fn topic_label(frame: &Frame, topic: &Topic) -> String {
-    let twice = frame.topics.iter().filter(|other| other.name == topic.name).count() > 1;
-    match topic.run {
-        RunTag::Recorded if twice => recorded_label(&topic.name),
-        _ => topic.name.to_string(),
+    let is_computed = |other: &Topic| other.name == topic.name && !other.run.is_recorded();
+    if topic.run.is_recorded() && frame.topics.iter().any(is_computed) {
+        recorded_label(&topic.name)
+    } else {
+        with_type(frame, topic, &topic.name)
+    }
+}
+
+/// A name of a topic, with the type of its messages where its run has several topics of that name.
+pub(crate) fn with_type(frame: &Frame, topic: &Topic, name: &str) -> String {
+    let is_namesake = |other: &&Topic| other.run == topic.run && other.name == topic.name;
+    if frame.topics.iter().filter(is_namesake).count() > 1 {
+        format!("{name} ({})", topic.schema.name().replace("/msg/", "/"))
+    } else {
+        name.to_owned()
     }
 }
 

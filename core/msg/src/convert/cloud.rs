@@ -64,8 +64,12 @@ pub(super) fn identity() -> Pose {
     Pose { position: Some(Vector3::default()), orientation: Some(orientation) }
 }
 
-/// The points of all rows, without padding between rows. A step of 0 is not set: there is no padding.
+/// The points of all rows, without padding between rows. A step of 0 is not set: there is no padding. If the size of a point
+/// is not set, all bytes are kept, so that whoever reads the points sees that there are some.
 fn rows(data: &Bytes, width: u32, height: u32, point_stride: u32, row_step: u32) -> Result<Bytes, Unusable> {
+    if point_stride == 0 {
+        return Ok(data.clone());
+    }
     let row = u64::from(width) * u64::from(point_stride);
     let step = if row_step == 0 { row } else { u64::from(row_step) };
     if height > 1 && step < row {

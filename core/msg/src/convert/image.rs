@@ -130,13 +130,14 @@ fn compressed_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     }))
 }
 
-/// Foxglove's calibration has no binning and no region of interest; they are ignored.
+/// ROS states the calibration of the full image, and which region of it is sent with which binning. Foxglove's calibration has
+/// neither, so it becomes that of the image that is sent.
 fn camera_info(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
     let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);
     let distortion_model = source.cursor.string()?;
     let coefficients = source.cursor.length(8)?;
-    Ok(AnyMessage::new(CameraCalibration {
+    let mut calibration = CameraCalibration {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         width,
@@ -146,5 +147,41 @@ fn camera_info(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         k: source.floats(9)?,
         r: source.floats(9)?,
         p: source.floats(12)?,
-    }))
+    };
+    let binning = [source.cursor.u32()?, source.cursor.u32()?];
+    let offset_px = [source.cursor.u32()?, source.cursor.u32()?];
+    let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);
+    cut(&mut calibration, offset_px, [width, height]);
+    bin(&mut calibration, binning);
+    Ok(AnyMessage::new(calibration))
+}
+
+/// Makes a calibration that of a region of its image, given by the region's left upper corner and size in pixels. A side of 0
+/// reaches to the edge of the image.
+fn cut(calibration: &mut CameraCalibration, offset_px: [u32; 2], size_px: [u32; 2]) {
+    let sides = [&mut calibration.width, &mut calibration.height];
+    for ((side, offset), size) in sides.into_iter().zip(offset_px).zip(size_px) {
+        *side = if size == 0 { side.saturating_sub(offset) } else { size };
+    }
+    let [x, y] = offset_px.map(f64::from);
+    calibration.k[2] -= x;
+    calibration.k[5] -= y;
+    calibration.p[2] -= x;
+    calibration.p[6] -= y;
+}
+
+/// Makes a calibration that of an image each pixel of which is made of so many columns and rows of pixels; 0 means 1. The
+/// outer edges of the image stay in place, not the centres of the outermost pixels.
+fn bin(calibration: &mut CameraCalibration, binning: [u32; 2]) {
+    for (axis, count) in binning.into_iter().enumerate().filter(|(_, count)| *count > 1) {
+        let side = if axis == 0 { &mut calibration.width } else { &mut calibration.height };
+        *side /= count;
+        let scale = 1.0 / f64::from(count);
+        for row in [&mut calibration.k[3 * axis..][..3], &mut calibration.p[4 * axis..][..4]] {
+            for number in row.iter_mut() {
+                *number *= scale;
+            }
+            row[2] += 0.5 * scale - 0.5;
+        }
+    }
 }

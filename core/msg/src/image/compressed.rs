@@ -4,7 +4,7 @@
 use super::{ImageError, MAX_PIXELS, MAX_SIDE, RgbImage, raw_to_rgb8, rvl};
 use crate::foxglove::{CompressedImage, RawImage};
 use crate::guard::guarded;
-use ::image::{ColorType, DynamicImage, ImageReader, Limits};
+use ::image::{ColorType, DynamicImage, ImageFormat, ImageReader, Limits};
 use bytes::Bytes;
 use std::io::Cursor;
 
@@ -98,8 +98,34 @@ fn decode(image: &CompressedImage) -> Result<DynamicImage, ImageError> {
         );
         return Err(failed(text));
     }
+    // The decoder would fill what is missing with grey.
+    if reader.format() == Some(ImageFormat::Jpeg) && !reaches_end(&data) {
+        let text = format!("its JPEG of {} bytes has no end marker: it is cut off", data.len());
+        return Err(failed(text));
+    }
     reader.limits(limits);
     guarded(|| reader.decode().map_err(|error| error.to_string())).and_then(|image| image).map_err(failed)
+}
+
+/// Whether a JPEG has the marker of its end, after which any bytes may follow. The segments before the first scan are skipped:
+/// a preview in one of them has an end marker of its own.
+fn reaches_end(jpeg: &[u8]) -> bool {
+    // After the marker of the start.
+    let mut rest = jpeg.get(2..).unwrap_or_default();
+    while let [0xFF, marker, after @ ..] = rest {
+        rest = match *marker {
+            // A fill byte.
+            0xFF => &rest[1..],
+            // In the data of a scan, 0xFF is the first byte of a marker only where no 0 follows.
+            0xDA => return after.windows(2).rev().any(|pair| pair == [0xFF, 0xD9]),
+            _ => {
+                let Some(([high, low], _)) = after.split_first_chunk::<2>() else { return false };
+                after.get(usize::from(u16::from_be_bytes([*high, *low]))..).unwrap_or_default()
+            }
+        };
+    }
+    // Where the data end, they were cut off. Other bytes begin no segment: the decoder says what is wrong with them.
+    !matches!(rest, [] | [0xFF])
 }
 
 fn raw(source: &CompressedImage, image: DynamicImage) -> Result<RawImage, ImageError> {
@@ -162,6 +188,30 @@ mod tests {
         assert_eq!((raw.encoding.as_str(), &raw.data[..]), ("mono16", &[0, 7, 0x34, 0x12][..]));
         let rgb = compressed_to_rgb8(&image).expect("it decodes");
         assert_eq!(rgb.data, [7, 7, 7, 0x12, 0x12, 0x12]);
+    }
+
+    #[test]
+    fn a_jpeg_that_is_cut_off_is_refused_with_its_length_and_one_with_bytes_after_its_end_decodes() {
+        let pixel = |x: u32, y: u32| ::image::Rgb([(x * y) as u8, (x ^ y) as u8, (7 * x + 13 * y) as u8]);
+        let mut jpeg = Cursor::new(Vec::new());
+        ::image::RgbImage::from_fn(128, 128, pixel)
+            .write_to(&mut jpeg, ::image::ImageFormat::Jpeg)
+            .expect("it encodes");
+        // A segment for a preview, with the markers of its start and end.
+        let preview = [0xFF, 0xE1, 0, 6, 0xFF, 0xD8, 0xFF, 0xD9];
+        let (start, others) = jpeg.get_ref().split_at(2);
+        let jpeg = [start, &preview, others].concat();
+        let whole = compressed_to_rgb8(&image("jpeg", jpeg.clone())).expect("it decodes");
+        for after in [vec![0; 100], vec![0xFF; 3], b"made by a camera".to_vec()] {
+            let longer = image("jpeg", [jpeg.clone(), after].concat());
+            assert_eq!(compressed_to_rgb8(&longer), Ok(whole.clone()));
+        }
+        for length in [20, 100, jpeg.len() * 3 / 10, jpeg.len() - 2, jpeg.len() - 1] {
+            let cut = image("jpeg", jpeg[..length].to_vec());
+            let error = decompress(&cut).expect_err("it is cut off").to_string();
+            let expected = format!("its JPEG of {length} bytes has no end marker: it is cut off");
+            assert_eq!(error, format!("compressed image does not decode: {expected}"));
+        }
     }
 
     #[test]

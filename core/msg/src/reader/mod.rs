@@ -19,7 +19,11 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
     /// No reader exists for this schema: its messages are listed, not shown.
-    #[error("no reader for {schema} ({encoding}): {reason}")]
+    #[error(
+        "no reader for {} ({}): {reason}",
+        stated(.schema, "a message without a schema"),
+        stated(.encoding, "encoding not stated")
+    )]
     NoReader {
         /// Name of the schema.
         schema: String,
@@ -104,20 +108,25 @@ impl Reader {
     }
 }
 
+/// Refuses a definition in another language.
+fn expect_language(schema: &Definition, expected: &str) -> Result<(), String> {
+    match schema.schema_encoding.as_str() {
+        got if got == expected => Ok(()),
+        "" if schema.data.is_empty() => Err("its definition was not recorded".to_owned()),
+        got => Err(format!("its definition is in {got:?}, expected {expected:?}")),
+    }
+}
+
 /// The layout in a schema of ROS.
 fn layout(schema: &Definition, wire: Wire, expected: &str) -> Result<Arc<Layout>, String> {
-    if schema.schema_encoding != expected {
-        return Err(format!("its definition is in {:?}, expected {expected:?}", schema.schema_encoding));
-    }
+    expect_language(schema, expected)?;
     let text = std::str::from_utf8(&schema.data).map_err(|_| "its definition is no text".to_owned())?;
     Layout::parse(&schema.name, text, wire).map(Arc::new).map_err(|error| error.to_string())
 }
 
 /// The descriptor in a schema: the registered one if the schema is registered, so that no second pool is built.
 fn descriptor(schema: &Definition) -> Result<MessageDescriptor, String> {
-    if schema.schema_encoding != "protobuf" {
-        return Err(format!("its schema is in {:?}, expected \"protobuf\"", schema.schema_encoding));
-    }
+    expect_language(schema, "protobuf")?;
     if let Some(descriptor) = descriptors::registered(&schema.name, &schema.data) {
         return Ok(descriptor);
     }
@@ -126,4 +135,9 @@ fn descriptor(schema: &Definition) -> Result<MessageDescriptor, String> {
     let pool = DescriptorPool::decode(data)
         .map_err(|error| format!("its descriptor set does not decode: {error}"))?;
     pool.get_message_by_name(&schema.name).ok_or_else(|| "its descriptor set does not define it".to_owned())
+}
+
+/// A text; another one where it is empty.
+fn stated<'a>(text: &'a str, otherwise: &'a str) -> &'a str {
+    if text.is_empty() { otherwise } else { text }
 }

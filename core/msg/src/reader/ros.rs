@@ -15,6 +15,9 @@ use bytes::Bytes;
 /// of the message. An array of numbers counts as one part.
 const MAX_PARTS: usize = 4_000_000;
 
+/// Most bytes of a CDR message without fields: its header, one byte, and padding up to a multiple of four.
+const MAX_EMPTY: usize = 8;
+
 /// Why bytes are not a message of a layout.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum RosError {
@@ -29,6 +32,8 @@ pub(crate) enum RosError {
     Truncated { at: usize, needed: usize, left: usize },
     #[error("got more than {MAX_PARTS} parts in one message")]
     TooLarge,
+    #[error("got {got} bytes, expected at most {MAX_EMPTY}: its definition has no fields")]
+    NotEmpty { got: usize },
 }
 
 /// Reads values in sequence.
@@ -221,6 +226,10 @@ impl<'a> Cursor<'a> {
 /// Reads a message by its layout; arrays of numbers share `bytes`.
 pub(super) fn decode(layout: &Layout, bytes: &Bytes) -> Result<Value, RosError> {
     let mut decoder = Decoder { layout, bytes, cursor: Cursor::new(bytes, layout.wire())?, parts: 0 };
+    // A definition that was not recorded looks like that of an empty message.
+    if layout.is_empty_cdr() && bytes.len() > MAX_EMPTY {
+        return Err(RosError::NotEmpty { got: bytes.len() });
+    }
     decoder.message(layout.root())
 }
 

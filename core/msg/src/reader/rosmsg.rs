@@ -17,6 +17,9 @@ const MAX_FIXED_LENGTH: usize = 1 << 24;
 /// A definition of ROS 1 with more fields that take no bytes is refused.
 const MAX_EMPTY_FIELDS: usize = 100;
 
+/// Name that ROS 2 gives the one byte of a message without fields.
+const NO_FIELDS: &str = "structure_needs_at_least_one_member";
+
 /// How the values of a message follow each other: see `ros.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wire {
@@ -160,6 +163,11 @@ impl Layout {
     /// Fields of the message itself.
     pub(crate) fn root(&self) -> &[Field] {
         &self.messages[0]
+    }
+
+    /// Whether the message itself is one of ROS 2 without fields.
+    pub(crate) fn is_empty_cdr(&self) -> bool {
+        matches!(self.root(), [only] if only.is_one(NO_FIELDS, Element::Number(Number::U8)))
     }
 
     /// Fields of a message of the layout.
@@ -385,7 +393,7 @@ fn fields<'a>(message: &str, lines: &[&'a str], wire: Wire) -> Result<Vec<Parsed
     }
     if fields.is_empty() && wire == Wire::Cdr {
         // An empty message takes one byte on the wire of ROS 2. So everything that is read takes at least one byte.
-        fields.push(Parsed { name: "structure_needs_at_least_one_member", ty: "uint8", count: Count::One });
+        fields.push(Parsed { name: NO_FIELDS, ty: "uint8", count: Count::One });
     }
     Ok(fields)
 }

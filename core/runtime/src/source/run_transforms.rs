@@ -85,7 +85,7 @@ impl RunTransforms {
         let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
             return;
         };
-        let Some(pose) = pose_of(translation, rotation) else { return };
+        let Ok(pose) = pose_of(translation, rotation) else { return };
         let parent = frame_name(&transform.parent_frame_id);
         let child = frame_name(&transform.child_frame_id);
         let mut place = || {

@@ -7,9 +7,9 @@ use super::per_run::{Gathered, Written};
 use super::run_tag::RunTag;
 use super::series::{Record, Series, SeriesWriter};
 use super::transform_clock::{BEGINS_AGAIN_NS, SAME_NS, TransformClock};
-use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformTree};
+use rcs_geom::{DVec3, Enu, Geodetic, Pose, PoseError, TransformTree};
 use rcs_msg::{AnyMessage, Stamp, foxglove};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Types of messages with a pose.
@@ -188,6 +188,8 @@ pub(crate) struct Tracks {
     transforms: usize,
     /// The topic that moves a frame, by its name; and whether another one does, too.
     moved_by: BTreeMap<String, (Arc<str>, bool)>,
+    /// Parents and children of which a transform was refused.
+    refused: BTreeSet<(String, String)>,
     /// What is doubtful about the transforms, one line each.
     doubts: Vec<String>,
 }
@@ -278,26 +280,18 @@ impl Tracks {
         log_time: Stamp,
         is_static: bool,
     ) {
-        let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
-            return;
-        };
-        let Some(pose) = pose_of(translation, rotation) else { return };
         let parent = frame_name(&transform.parent_frame_id);
         let child = frame_name(&transform.child_frame_id);
-        // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
-        if is_static {
-            if self.tree.set_static(parent, child, pose).is_ok() {
-                self.transforms += 1;
+        if let Err(why) = self.place(parent, child, transform, log_time, is_static) {
+            if self.refused.insert((parent.to_owned(), child.to_owned())) {
+                self.doubts.push(format!("{topic}: {why}; skipped"));
             }
             return;
         }
-        let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
-        self.clock.add(child, log_time, time);
-        let kept = self.latest_kept(log_time, time);
-        if self.tree.insert_as_of(parent, child, time.0, pose, kept.0).is_err() {
+        self.transforms += 1;
+        if is_static {
             return;
         }
-        self.transforms += 1;
         match self.moved_by.get_mut(child) {
             None => {
                 self.moved_by.insert(child.to_owned(), (Arc::clone(topic), false));
@@ -310,6 +304,31 @@ impl Tracks {
             }
             Some(_) => {}
         }
+    }
+
+    /// Adds the pose of a frame. If it is refused, the pose of the frame does not change.
+    fn place(
+        &mut self,
+        parent: &str,
+        child: &str,
+        transform: &foxglove::FrameTransform,
+        log_time: Stamp,
+        is_static: bool,
+    ) -> Result<(), String> {
+        let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
+            return Err(format!("transform from \"{child}\" to \"{parent}\" lacks translation or rotation"));
+        };
+        let pose = pose_of(translation, rotation)
+            .map_err(|error| format!("transform from \"{child}\" to \"{parent}\": {error}"))?;
+        let placed = if is_static {
+            self.tree.set_static(parent, child, pose)
+        } else {
+            let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
+            self.clock.add(child, log_time, time);
+            let kept = self.latest_kept(log_time, time);
+            self.tree.insert_as_of(parent, child, time.0, pose, kept.0)
+        };
+        placed.map_err(|error| error.to_string())
     }
 
     /// Transforms of a frame that are later than this are forgotten when one with this log time and time is added. Shortly
@@ -338,10 +357,11 @@ impl Tracks {
             by_topic.insert(Arc::clone(topic), next);
         }
         let moved_by = std::mem::take(&mut self.moved_by);
+        let refused = std::mem::take(&mut self.refused);
         let mut doubts = std::mem::take(&mut self.doubts);
         doubts.extend(doubt);
         let [clock, implied_clock] = [begun; 2].map(TransformClock::begun_at);
-        Self { by_topic, clock, implied_clock, moved_by, doubts, ..Self::default() }
+        Self { by_topic, clock, implied_clock, moved_by, refused, doubts, ..Self::default() }
     }
 
     /// Whether a message with transforms, not only odometry, moves or places this frame.
@@ -402,18 +422,21 @@ fn position_and_yaw(pose: &foxglove::Pose) -> Option<(DVec3, f64)> {
         let position = DVec3::new(position.x, position.y, position.z);
         return position.is_finite().then_some((position, f64::NAN));
     }
-    let pose = pose_of(position, rotation)?;
+    let pose = pose_of(position, rotation).ok()?;
     Some((pose.translation, pose.yaw()))
 }
 
 pub(crate) fn to_pose(pose: &foxglove::Pose) -> Option<Pose> {
-    pose_of(pose.position.as_ref()?, pose.orientation.as_ref()?)
+    pose_of(pose.position.as_ref()?, pose.orientation.as_ref()?).ok()
 }
 
-/// A rigid transform; `None` if a number is not finite or the rotation is not valid.
-pub(crate) fn pose_of(translation: &foxglove::Vector3, rotation: &foxglove::Quaternion) -> Option<Pose> {
+/// A rigid transform; an error if a number is not finite or the rotation is not valid.
+pub(crate) fn pose_of(
+    translation: &foxglove::Vector3,
+    rotation: &foxglove::Quaternion,
+) -> Result<Pose, PoseError> {
     let translation = [translation.x, translation.y, translation.z];
-    Pose::from_parts(translation, [rotation.x, rotation.y, rotation.z, rotation.w]).ok()
+    Pose::from_parts(translation, [rotation.x, rotation.y, rotation.z, rotation.w])
 }
 
 #[cfg(test)]

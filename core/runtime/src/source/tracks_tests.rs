@@ -180,3 +180,40 @@ fn two_topics_that_move_one_frame_are_told_once() {
     let two = tracks(messages);
     assert_eq!(two.doubts(), ["odom→base comes from /r1/tf and /r2/tf: their transforms are mixed"]);
 }
+
+#[test]
+fn a_transform_that_is_refused_is_told_once_with_the_reason() {
+    let messages = (1..9).flat_map(|i| {
+        let transforms = [("map", "base"), ("odom", "base"), ("a", "b"), ("b", "a")];
+        transforms.map(|(parent, child)| (i, "/tf", transform(parent, child, i, 1.0)))
+    });
+    let doubts = [
+        "/tf: frame \"base\" already has parent \"map\", got \"odom\"; skipped",
+        "/tf: frame \"a\" cannot hang under \"b\", which hangs under it; skipped",
+    ];
+    let tracks = tracks(messages);
+    assert_eq!(tracks.doubts(), doubts);
+    assert_eq!(tracks.tree().parent("base"), Some("map"));
+}
+
+#[test]
+fn a_static_transform_without_a_valid_rotation_is_told() {
+    let refused = |rotation: Option<Quaternion>| {
+        let transform = FrameTransform {
+            parent_frame_id: "base".into(),
+            child_frame_id: "laser".into(),
+            translation: Some(at(1.0)),
+            rotation,
+            ..FrameTransform::default()
+        };
+        let (mut tracks, topic): (_, Arc<str>) = (Tracks::default(), "/tf_static".into());
+        for _ in 0..2 {
+            tracks.add(&topic, Stamp(1), &AnyMessage::new(transform.clone()), true);
+        }
+        tracks.doubts().to_vec()
+    };
+    let of = "/tf_static: transform from \"laser\" to \"base\"";
+    assert_eq!(refused(None), [format!("{of} lacks translation or rotation; skipped")]);
+    assert_eq!(refused(Some(UNSET)), [format!("{of}: rotation has norm 0, expected about 1; skipped")]);
+    assert!(refused(Some(UPRIGHT)).is_empty());
+}

@@ -253,7 +253,9 @@ fn row(
     let chosen = cx.selection.topic.as_ref().is_some_and(|selected| selected.is(topic));
     let (rect, response) =
         ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click_and_drag());
-    response.widget_info(|| WidgetInfo::selected(Role::Button, true, chosen, &*topic.name));
+    let label = |name: &str| crate::toolbar::with_type(cx.frame, topic, name);
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, chosen, label(&topic.name)));
+    let shown_name = label(shown_name);
     response.dnd_set_drag_payload(key.clone());
     if chosen {
         ui.painter().rect_filled(rect, 0.0, tokens.selected);
@@ -291,7 +293,7 @@ fn row(
     }
     let color = if topic.latest.is_none() { tokens.weak } else { tokens.text };
     let font = TextStyle::Body.resolve(ui.style());
-    widgets::cell_keep_end(ui, name, shown_name, font, color);
+    widgets::cell_keep_end(ui, name, &shown_name, font, color);
     let small = FontId::proportional(11.0);
     let mono = FontId::monospace(11.5);
     for (column, cell) in cells {

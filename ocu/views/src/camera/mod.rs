@@ -110,8 +110,13 @@ impl View for Camera {
         let base = self.layer(ui.ctx(), topic);
         let image = base.as_ref().ok().and_then(Option::as_deref);
         let seen = image.and_then(|layer| Seen::of(ui.ctx(), cx.frame, topic, layer, &mut self.prepared));
+        let (seen, unusable) = match seen.transpose() {
+            Ok(seen) => (seen, None),
+            Err(unusable) => (None, Some(unusable)),
+        };
         let projected = projected::offered(seen.as_ref());
-        self.overlay_bar(ui, topic, image.map(|layer| &layer.image), &overlays, &projected);
+        let image = image.map(|layer| &layer.image);
+        self.overlay_bar(ui, topic, image, &overlays, &projected, unusable.as_deref());
         self.canvas(ui, cx, topic, base, &overlays, seen.as_ref());
     }
 }

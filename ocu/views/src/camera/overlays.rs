@@ -33,6 +33,7 @@ impl Camera {
         OverlayState { shown: saved.shown.unwrap_or(is_usual), opacity: saved.opacity }
     }
 
+    /// The row of switches. `unusable` says why nothing can be projected.
     pub(super) fn overlay_bar(
         &mut self,
         ui: &mut Ui,
@@ -40,10 +41,12 @@ impl Camera {
         image: Option<&DecodedImage>,
         overlays: &[Overlay<'_>],
         projected: &[Projected],
+        unusable: Option<&str>,
     ) {
         let whole = Quantity::of(topic) == Quantity::Range
             && image.is_some_and(|image| matches!(image.pixels, Pixels::Values { whole: true, .. }));
-        if overlays.is_empty() && projected.is_empty() && !whole {
+        let has_switches = !(overlays.is_empty() && projected.is_empty());
+        if !has_switches && !whole && unusable.is_none() {
             return;
         }
         // Channels of a recording that have one name, but messages of different types, have one switch.
@@ -53,18 +56,20 @@ impl Camera {
         // Overlays that do not fit in the row, and ground truth, are listed in a menu.
         let truth = overlays.iter().any(|overlay| overlay.topic.is_ground_truth());
         let mut bar: Bar<'_, Self> = Bar::new("overlays");
-        bar.left("overlays", Fit::Shrinks, |ui, form, view| {
-            if form == Form::Full && !truth {
-                for overlay in &overlays {
-                    view.overlay_switch(ui, overlay);
+        if has_switches {
+            bar.left("overlays", Fit::Shrinks, |ui, form, view| {
+                if form == Form::Full && !truth {
+                    for overlay in &overlays {
+                        view.overlay_switch(ui, overlay);
+                    }
+                    for what in projected {
+                        view.projected_switch(ui, *what);
+                    }
+                } else {
+                    view.overlay_menu(ui, form, &overlays, projected);
                 }
-                for what in projected {
-                    view.projected_switch(ui, *what);
-                }
-            } else {
-                view.overlay_menu(ui, form, &overlays, projected);
-            }
-        });
+            });
+        }
         bar.left("behind", Fit::Leaves(20), |ui, _, view| {
             for overlay in overlays.iter().filter(|overlay| view.overlay_state(overlay).shown) {
                 behind(ui, topic, overlay.topic);
@@ -72,6 +77,13 @@ impl Camera {
         });
         if whole {
             bar.left("depth unit", Fit::Leaves(10), |ui, form, view| view.depth_unit(ui, form));
+        }
+        if let Some(why) = unusable {
+            // Where it is cut, the whole text is shown when the pointer rests on it.
+            bar.left("unusable", Fit::Stretches(48.0), move |ui, _, _| {
+                let text = format!("{}  nothing is projected: {why}", icons::ICON_WARNING.codepoint);
+                ui.label(egui::RichText::new(text).small().color(tokens(ui).warning));
+            });
         }
         crate::toolbar::show(ui, bar, self);
     }

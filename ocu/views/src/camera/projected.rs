@@ -72,7 +72,7 @@ impl Projected {
 /// What was computed for one image.
 #[derive(Default)]
 pub(super) struct Prepared {
-    camera: Cached<(SameMessage, [usize; 2]), Option<PinholeCamera>>,
+    camera: Cached<(SameMessage, [usize; 2]), Result<PinholeCamera, String>>,
 }
 
 /// A camera at the time of its image, and what it sees.
@@ -82,28 +82,27 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// What `layer`, an image of `topic`, shows. `None` without a calibration, or if no transform leads to the camera.
+    /// What `layer`, an image of `topic`, shows. `None` without a calibration, or if no transform leads to the camera. The
+    /// error says why the calibration cannot be used.
     pub(super) fn of(
         ctx: &Context,
         frame: &Frame,
         topic: &Topic,
         layer: &Layer,
         prepared: &mut Prepared,
-    ) -> Option<Self> {
+    ) -> Option<Result<Self, String>> {
         let optical = Some(&*layer.optical_frame).filter(|name| !name.is_empty())?;
         let size = [layer.image.width, layer.image.height];
-        let message = calibration(frame, topic, optical)?.canonical()?;
-        let camera = prepared.camera.get((SameMessage(message.clone()), size), || {
-            let read = message.get::<CameraCalibration>()?;
-            let of = [read.width, read.height];
-            let camera =
-                PinholeCamera::from_calibration(of, &read.k, &read.distortion_model, &read.d).ok()?;
-            let size = size.map(|side| side as u32);
-            if size == of { Some(camera) } else { camera.resized(size).ok() }
-        });
-        let camera = camera.clone()?;
+        let calibration = calibration(frame, topic, optical)?;
+        let message = calibration.canonical()?;
+        let read = message.get::<CameraCalibration>()?;
         let at = frame.placing_time(layer.taken, layer.log_time);
-        Some(Self { camera, on_ground: OnGround::of(ctx, frame, optical, at)? })
+        let on_ground = OnGround::of(ctx, frame, optical, at)?;
+        let key = (SameMessage(message.clone()), size);
+        Some(match prepared.camera.get(key, || camera_of(read, size)) {
+            Ok(camera) => Ok(Self { camera: camera.clone(), on_ground }),
+            Err(error) => Err(format!("{}: {error}", calibration.name)),
+        })
     }
 
     pub(super) fn ground(&self) -> &Ground {
@@ -423,6 +422,32 @@ fn calibration<'a>(frame: &'a Frame, image: &Topic, optical: &str) -> Option<&'a
     frame.topics_of_type("foxglove.CameraCalibration").filter(fits).max_by_key(common)
 }
 
+/// The camera of a calibration for images of this size, pixels: that of the calibration, or one with the same aspect ratio.
+fn camera_of(calibration: &CameraCalibration, size: [usize; 2]) -> Result<PinholeCamera, String> {
+    let of = [calibration.width, calibration.height];
+    let size = size.map(|side| side as u32);
+    let (model, d) = (&calibration.distortion_model, &calibration.d);
+    let camera =
+        PinholeCamera::from_calibration(of, &calibration.k, model, d).map_err(|error| error.to_string())?;
+    if size == of {
+        return Ok(camera);
+    }
+    if !has_ratio_of(size, of) {
+        let ([width, height], [of_width, of_height]) = (size, of);
+        return Err(format!(
+            "image has {width}×{height} pixels, expected the aspect ratio of {of_width}×{of_height}"
+        ));
+    }
+    camera.resized(size).map_err(|error| error.to_string())
+}
+
+/// Whether two sizes have the same aspect ratio, apart from one pixel by which a side of the smaller one was rounded.
+fn has_ratio_of(a: [u32; 2], b: [u32; 2]) -> bool {
+    let [[a_width, a_height], [b_width, b_height]] = [a, b].map(|size| size.map(u64::from));
+    let longest = a_width.max(a_height).max(b_width).max(b_height);
+    (a_width * b_height).abs_diff(b_width * a_height) <= longest
+}
+
 /// How much alike two names are: the number of bytes in which they agree from their start, after a slash.
 fn likeness(a: &str, b: &str) -> usize {
     let [a, b] = [a, b].map(|name| name.trim_start_matches('/').bytes());
@@ -436,6 +461,19 @@ mod tests {
     use rcs_msg::foxglove::RawImage;
     use rcs_runtime::source::RunTag;
     use std::sync::Arc;
+
+    #[test]
+    fn a_side_that_was_rounded_keeps_the_aspect_ratio_and_a_part_of_an_image_does_not() {
+        for (a, b, expected) in [
+            ([320, 240], [640, 480], true),
+            ([320, 240], [641, 481], true),
+            ([160, 120], [641, 482], true),
+            ([640, 360], [640, 480], false),
+            ([200, 160], [320, 240], false),
+        ] {
+            assert_eq!([has_ratio_of(a, b), has_ratio_of(b, a)], [expected; 2], "{a:?} {b:?}");
+        }
+    }
 
     #[test]
     fn the_ranges_of_an_image_are_recorded_or_computed_as_the_image_is() {

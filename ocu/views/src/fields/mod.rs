@@ -274,7 +274,8 @@ fn undecodable(ui: &mut Ui, reason: &str, message: &AnyMessage) {
                 .iter()
                 .map(|&byte| if (0x20..0x7f).contains(&byte) { char::from(byte) } else { '.' })
                 .collect();
-            ui.label(mono(format!("  {:06x}  {:<47}  {text}", line * 16, hex(part))));
+            let text = mono(format!("  {:06x}  {:<47}  {text}", line * 16, hex(part)));
+            ui.add(egui::Label::new(text).extend());
         }
     });
 }

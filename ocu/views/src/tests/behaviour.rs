@@ -117,6 +117,16 @@ fn a_message_without_a_reader_says_why_and_shows_its_bytes() {
 }
 
 #[test]
+fn lines_of_bytes_do_not_wrap_in_a_narrow_view() {
+    let mut harness = harness(Shown::new("fields", samples::full()), Vec2::new(220.0, 400.0), Theme::Dark);
+    harness.state_mut().selection.topic =
+        Some(TopicKey { name: "/flat/chatter".into(), run: crate::RunChoice::Recorded });
+    harness.run();
+    let line = harness.get_by_label_contains("000010  10 11 12").rect();
+    assert!(line.height() < 20.0, "{line:?}");
+}
+
+#[test]
 fn a_pinned_topic_stays_when_another_is_selected() {
     let mut harness = shown("fields");
     harness.state_mut().selection.topic = Some(key("/wm1/map"));

@@ -9,6 +9,7 @@ mod edits;
 mod hostile;
 mod log_lines;
 mod missions;
+mod namesakes;
 mod overlays;
 mod pictures;
 mod plans;

@@ -8,6 +8,8 @@ use egui::accesskit::{Role, Toggled};
 use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use rcs_msg::foxglove::CameraCalibration;
+use rcs_runtime::source::Topic;
 
 fn camera(size: Vec2) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new("camera", samples::camera_in_space()), size, Theme::Dark);
@@ -52,6 +54,28 @@ fn without_a_calibration_nothing_is_projected() {
     harness.get_by_label_contains("Overlays: ").click();
     harness.run();
     assert!(harness.query_by_label("planned path").is_none());
+}
+
+#[test]
+fn a_calibration_that_cannot_be_used_is_told_where_overlays_are_chosen() {
+    let check = |change: fn(&mut CameraCalibration), expected: &str| {
+        let mut frame = samples::camera_in_space();
+        let with_change = |topic: &Topic| {
+            let Some(calibration) = topic.get::<CameraCalibration>() else { return topic.clone() };
+            let mut calibration = calibration.clone();
+            change(&mut calibration);
+            samples::topic(&topic.name, 1.0, 0.1, calibration)
+        };
+        frame.topics = frame.topics.iter().map(with_change).collect();
+        let mut harness = harness(Shown::new("camera", frame), Vec2::new(620.0, 440.0), Theme::Dark);
+        harness.run();
+        let text = format!("nothing is projected: /camera/calibration: {expected}");
+        assert!(harness.query_by_label_contains(&text).is_some(), "{text}");
+    };
+    check(|calibration| calibration.distortion_model = "omni".into(), "distortion model \"omni\" is unknown");
+    check(|calibration| calibration.k = vec![0.0; 9], "camera is not calibrated");
+    let ratio = "image has 96×64 pixels, expected the aspect ratio of 192×96";
+    check(|calibration| calibration.height = 96, ratio);
 }
 
 #[test]
