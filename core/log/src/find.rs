@@ -9,10 +9,6 @@ use crate::segment::Segment;
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 
-/// Greatest number of segments, and of bytes of their contents, that [`Log::times_before`] reads; the first one is read
-/// whatever its size.
-const LOOK_BACK: (usize, u64) = (4, 16 << 20);
-
 /// Contents of segments, bytes: running sums by the times of their first and of their last messages, ascending.
 pub(crate) struct Contents {
     by_first: Vec<(u64, u128)>,
@@ -53,56 +49,6 @@ impl Log {
         }
         let found = self.latest_before(MessagePosition::after(time), &groups)?;
         Ok(topics.iter().map(|topic| found[groups[&topic.0]].clone()).collect())
-    }
-
-    /// Log times of the messages of these topics from `since` until before `before`, the newest first. If they extend
-    /// over a large part of the file, only the newest of them: from [`Log::times_known_since`] on.
-    pub fn times_before(
-        &self,
-        topics: &[TopicId],
-        before: Stamp,
-        since: Stamp,
-    ) -> Result<Vec<Stamp>, LogError> {
-        let mut times = Vec::new();
-        let (segments, since) = self.look_back(topics, before, since);
-        for index in segments {
-            let loaded = self.load(index)?;
-            let from = loaded.messages.partition_point(|message| message.time < since.0);
-            let inside = loaded.messages[from..].iter().take_while(|message| message.time < before.0);
-            let wanted = inside.filter(|message| topics.contains(&TopicId(message.channel)));
-            times.extend(wanted.map(|message| Stamp(message.time)));
-        }
-        times.sort_unstable_by(|a, b| b.cmp(a));
-        Ok(times)
-    }
-
-    /// Time from which on [`Log::times_before`] gives the times of all messages: `since`, or later. It follows from the
-    /// index alone, and is not earlier for a later `before`.
-    pub fn times_known_since(&self, topics: &[TopicId], before: Stamp, since: Stamp) -> Stamp {
-        self.look_back(topics, before, since).1
-    }
-
-    /// The segments that [`Log::times_before`] reads, and the time from which on they hold all messages before `before`.
-    fn look_back(&self, topics: &[TopicId], before: Stamp, since: Stamp) -> (Vec<u32>, Stamp) {
-        let (most, most_bytes) = LOOK_BACK;
-        let (mut read, mut bytes) = (Vec::new(), 0u64);
-        // Those behind begin at `before` or later.
-        let count = self.0.first_behind.partition_point(|&first| first < before.0);
-        for &index in self.0.by_last[..count].iter().rev() {
-            let segment = &self.0.segments[index as usize];
-            if segment.last < since.0 {
-                break;
-            }
-            if segment.first >= before.0 || !is_indexed_for(segment, topics) {
-                continue;
-            }
-            bytes = bytes.saturating_add(segment.contents);
-            if read.len() == most || (bytes > most_bytes && !read.is_empty()) {
-                return (read, Stamp(segment.last).after_ns(1));
-            }
-            read.push(index);
-        }
-        (read, since)
     }
 
     /// The message before `place`, of any of `topics` or of all topics: for stepping back from a message's position.
@@ -199,7 +145,7 @@ impl Log {
 }
 
 /// Whether a segment may have messages of these topics by the index alone, not by what has been read.
-fn is_indexed_for(segment: &Segment, topics: &[TopicId]) -> bool {
+pub(crate) fn is_indexed_for(segment: &Segment, topics: &[TopicId]) -> bool {
     let held = segment.channels.as_ref();
     held.is_none_or(|held| topics.iter().any(|id| held.binary_search(&id.0).is_ok()))
 }

@@ -57,6 +57,7 @@ mod segment;
 mod source;
 mod split;
 mod summary;
+mod times;
 mod verify;
 mod writer;
 
@@ -71,5 +72,6 @@ pub use log::Log;
 pub use pieces::{Piece, PieceMessage};
 pub use reassembly::{Reassembled, Reassembly};
 pub use recorder::{Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus};
+pub use times::TimesOf;
 pub use verify::Verification;
 pub use writer::{ChannelId, Clock, FORMAT_VERSION, LogWriter, Sink, WriteHeader, WriterOptions};

@@ -100,6 +100,26 @@ fn the_last_messages_of_a_topic_are_found_behind_many_large_ones_of_another() {
 }
 
 #[test]
+fn topics_with_a_single_message_in_chunks_of_their_own_have_no_rate_after_a_jump() {
+    let sink = SharedSink::default();
+    let options = WriterOptions { chunk_bytes: 1000, ..WriterOptions::default() };
+    let mut writer = LogWriter::with_sink(Box::new(sink.clone()), "memory".into(), options).unwrap();
+    for index in 0..200_u32 {
+        let (topic, schema) = (format!("/latched/{index}"), schema_of::<foxglove::Vector3>());
+        let channel = writer.add_channel(&topic, schema, &BTreeMap::new()).unwrap();
+        let log_time = seconds(f64::from(index) * 0.1);
+        let header = WriteHeader { sequence: index, log_time, publish_time: log_time };
+        writer.write(channel, header, &[b' '; 2000]).unwrap();
+    }
+    writer.finish().unwrap();
+    let mut source = LogSource::new(&Log::from_bytes(sink.snapshot().into()).unwrap()).unwrap();
+    source.seek(Stamp::MAX, &Task::default()).unwrap();
+    let frame = source.frame();
+    assert_eq!(frame.topics.len(), 200);
+    assert!(frame.topics.iter().all(|topic| topic.latest.is_some() && topic.hz.is_none()));
+}
+
+#[test]
 fn a_moment_has_the_same_rates_after_reading_on_to_it_as_after_a_jump() {
     let (mut reads_on, _folder) = slower_and_silent();
     let (mut jumps, _folder) = slower_and_silent();

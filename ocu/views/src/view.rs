@@ -91,7 +91,7 @@ pub struct Drafts {
     pub(crate) params: BTreeMap<(String, Option<RunId>), ParamsDraft>,
     /// Missions that are being drawn, by the frame of the map.
     pub(crate) missions: BTreeMap<String, MissionDraft>,
-    /// The one that was closed last, if it had changes that were not sent, by the frame of the map.
+    /// The one that was closed last, if it had changes that were not sent or is on its way, by the frame of the map.
     pub(crate) closed_missions: BTreeMap<String, MissionDraft>,
     /// Examples for learning that are being drawn, by the frame of the map.
     pub(crate) examples: BTreeMap<String, Example>,
@@ -118,11 +118,15 @@ impl Drafts {
     #[must_use]
     pub fn after_restart(mut self) -> Self {
         self.params.values_mut().for_each(ParamsDraft::forget_sent);
-        let missions = self.missions.values_mut().chain(self.closed_missions.values_mut());
-        missions.for_each(MissionDraft::forget_sending);
+        self.all_missions_mut().for_each(MissionDraft::forget_sending);
         self.examples.values_mut().for_each(Example::forget_sent);
         self.fields.values_mut().for_each(FieldsDraft::forget_sent);
         self
+    }
+
+    /// The missions that are being drawn, and those that were closed.
+    pub(crate) fn all_missions_mut(&mut self) -> impl Iterator<Item = &mut MissionDraft> {
+        self.missions.values_mut().chain(self.closed_missions.values_mut())
     }
 }
 

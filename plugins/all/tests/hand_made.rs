@@ -160,7 +160,14 @@ fn depth_that_cannot_be_used_is_skipped_and_what_comes_after_it_is_used() {
 fn clouds_and_poses_that_cannot_be_used_are_skipped() {
     let pose = PoseInFrame { frame_id: "local".to_owned(), ..PoseInFrame::default() };
     check(&[
-        (given("/cloud", PointCloud { point_stride: 12, ..PointCloud::default() }), Some("no field"), 0),
+        (
+            given(
+                "/cloud",
+                PointCloud { point_stride: 12, data: vec![0; 12].into(), ..PointCloud::default() },
+            ),
+            Some("no field"),
+            0,
+        ),
         (given("/pose", pose), Some("no pose"), 0),
     ]);
 }

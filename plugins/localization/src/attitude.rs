@@ -85,6 +85,11 @@ impl Attitude {
         }
     }
 
+    /// Whether the attitude and the biases are finite.
+    pub fn is_finite(&self) -> bool {
+        self.level_from_vehicle.is_finite() && self.bias.is_finite()
+    }
+
     /// Takes a reading `elapsed_s` after the previous one: turn rates, rad/s, and accelerations, m/s², including
     /// gravity but with the known motion of the vehicle subtracted, in vehicle axes; `None` where its motion is not known.
     pub fn update(

@@ -26,7 +26,7 @@
 //! After `INIT` both estimates go on where they were; they follow the vehicle at once, and are sent from `RUN` on. If nothing
 //! has followed it for more than a second before, as after a panic, it may have been moved: its heading is that of the
 //! inertial sensor, if it states one, and the standard deviation of its global position is more than 5 m until there are
-//! fixes.
+//! fixes. With another world file or another heading at the start, both begin anew.
 //!
 //! It fuses wheel encoders, inertial sensors, position fixes, and the motion that images show. It uses no map: there is no
 //! loop closure.

@@ -1,12 +1,10 @@
 //! The process `localization`: reads the sensors, and sends the local and the global estimate. Its port table is in
 //! the crate's documentation.
 
-mod before;
 mod clocks;
 mod inputs;
 mod output;
 
-use self::before::Before;
 use self::clocks::SensorClock;
 use self::output::way_slip;
 use crate::attitude::Attitude;
@@ -31,8 +29,12 @@ pub struct Localization {
     local: Option<Planar>,
     height_m: f64,
     global: GlobalEstimate,
-    /// Both estimates as they were before `INIT`.
-    before: Option<Before>,
+    /// Whether the estimates are those of before `INIT`: another heading turns them where they are.
+    goes_on: bool,
+    /// Until when they followed the vehicle before `INIT`; `None` once they go on.
+    followed_until: Option<Stamp>,
+    /// Heading of the parameters when the estimates began, degrees.
+    start_heading_deg: f64,
     /// Origin of the global frame: of the world file, or the first of the fixes with which the global estimate began.
     origin: Option<Origin>,
     /// Place of a fix that waits for a second one.
@@ -148,13 +150,31 @@ impl Process for Localization {
         Self { origin: Origin::from_toml(&params.world).ok(), ..Self::default() }
     }
 
-    /// Both estimates go on where they were, because other processes know places in both frames. With another world file, all
-    /// begins anew: the global frame is another one.
+    /// The estimates go on where they were, because other processes know places in both frames: of a local frame that began
+    /// anew, nobody would know where it lies in the global one until two fixes have agreed. With another world file or another
+    /// heading at the start they begin anew, and so they do where they have numbers that cannot be: after a panic, these may
+    /// be its cause.
     fn renew(&self, params: &LocalizationParams) -> Self {
         let new = Self::new(params);
         let is_same_frame = new.origin.is_none() || new.origin == self.origin;
-        let Some(before) = Before::of(self).filter(|_| is_same_frame) else { return new };
-        Self { before: Some(before), height_m: self.height_m, origin: self.origin, ..new }
+        let is_same_start = self.start_heading_deg == params.start_heading_deg;
+        if !(is_same_frame && is_same_start && self.is_sound()) {
+            return new;
+        }
+        Self {
+            goes_on: true,
+            followed_until: self.wheels.map(|wheels| wheels.time).or(self.followed_until).or(self.felt),
+            start_heading_deg: self.start_heading_deg,
+            attitude: self.attitude,
+            local: self.local,
+            height_m: self.height_m,
+            global: self.global.clone(),
+            origin: self.origin,
+            speed_mps: self.speed_mps,
+            gain: self.gain,
+            felt: self.felt,
+            ..new
+        }
     }
 
     /// The vehicle may still roll out: the estimates follow it, and are sent from `RUN` on.
@@ -186,6 +206,12 @@ impl Process for Localization {
 }
 
 impl Localization {
+    /// Whether the estimates have begun, and are numbers that can be.
+    fn is_sound(&self) -> bool {
+        let is_placed = self.local.is_some_and(|local| local.is_sound()) && self.height_m.is_finite();
+        is_placed && self.global.is_sound() && self.attitude.is_some_and(|attitude| attitude.is_finite())
+    }
+
     /// Reads all sensors, and sends both estimates. Returns whether the position stands still for want of encoders; then
     /// nothing is sent, so that readers see its age.
     fn estimate(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) -> bool {

@@ -4,11 +4,13 @@
 
 use rcs_geom::Pose;
 use rcs_localization::Localization;
+use rcs_localization::proto::LocalizationParams;
 use rcs_msg::foxglove::{KeyValuePair, LocationFix, Odometry, Quaternion, Vector3, location_fix};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::{ExternalEvent, ProcessType};
 use rcs_sense::{pose_message, pose_of};
 use rcs_testkit::bench::{Bench, Setup};
+use std::f64::consts::FRAC_PI_2;
 
 const STACK: &str = r#"
 format = 1
@@ -273,34 +275,43 @@ fn what_is_rolled_and_turned_while_halted_is_followed() {
     assert!((north_m - 1.0).abs() < 0.02, "{north_m}");
 }
 
-/// A vehicle that has stood for a second, heading north, and drives ahead at 1 m/s.
+/// A vehicle that has stood for four seconds, heading north, and drives ahead at 1 m/s.
 struct Drive {
     bench: Bench,
     way_m: f64,
+    /// What the inertial sensor tells, if there is one.
+    imu: Option<rcs::Imu>,
 }
 
 impl Drive {
-    fn start() -> Drive {
-        let params = [("localization.start_heading_deg", "90")];
+    fn start(imu: Option<rcs::Imu>, input_timeout_s: &str) -> Drive {
+        let params =
+            [("localization.start_heading_deg", "90"), ("localization.input_timeout_s", input_timeout_s)];
         let bench = Setup::new(STACK, &[ProcessType::of::<Localization>()]).params(&params).bench();
-        let mut drive = Drive { bench, way_m: 0.0 };
+        let mut drive = Drive { bench, way_m: 0.0, imu };
         drive.bench.cycles(20, 1);
-        for _ in 0..50 {
-            stand(&mut drive.bench, imu(0.0));
-        }
+        drive.stand(200);
         drive
     }
 
-    /// Drives on for a number of cycles of 20 ms.
+    /// Stands, or drives on, for a number of cycles of 20 ms.
+    fn stand(&mut self, cycles: u32) {
+        for _ in 0..cycles {
+            self.bench.write("/operator/encoders", rolled(self.way_m));
+            if let Some(imu) = &self.imu {
+                self.bench.write("/operator/imu", imu.clone());
+            }
+            self.bench.cycles(20, 1);
+        }
+    }
+
     fn on(&mut self, cycles: u32, has_fixes: bool) {
         for cycle in 0..cycles {
             self.way_m += 0.02;
             if has_fixes && cycle % 10 == 5 {
                 self.bench.write("/operator/gps", fix(self.way_m, 1.0));
             }
-            self.bench.write("/operator/encoders", rolled(self.way_m));
-            self.bench.write("/operator/imu", imu(0.0));
-            self.bench.cycles(20, 1);
+            self.stand(1);
         }
     }
 
@@ -316,46 +327,105 @@ impl Drive {
         let global: Odometry = self.bench.latest("/localization/global");
         [off_m("/localization/local"), off_m("/localization/global"), global.pose_covariance[7].sqrt()]
     }
-}
 
-#[test]
-fn after_init_both_frames_go_on_with_fixes_and_without() {
-    for has_fixes in [true, false] {
-        let mut drive = Drive::start();
-        drive.on(1000, true);
-        drive.on(50, has_fixes);
-        let before = drive.off_m();
-        let sent = drive.bench.sent("/localization/local");
-        drive.order("INIT");
-        drive.on(10, has_fixes);
-        assert_eq!(drive.bench.sent("/localization/local"), sent, "it is sent from RUN on");
-        drive.order("RUN");
-        drive.on(50, has_fixes);
-        let after = drive.off_m();
-        let changed_m = [0, 1, 2].map(|at| (after[at] - before[at]).abs());
-        assert!(changed_m.iter().all(|&changed_m| changed_m < 0.3), "{before:?} {after:?}");
-        let odometry: Odometry = drive.bench.latest("/localization/local");
-        let pose = pose_of(odometry.pose.as_ref(), "vehicle").unwrap();
-        assert!((pose.yaw() - std::f64::consts::FRAC_PI_2).abs() < 0.01, "{}", pose.yaw());
-        assert_eq!(drive.bench.faults("localization"), (0, String::new()));
+    /// Pitch and heading in the local frame, rad.
+    fn pitch_and_yaw(&self) -> [f64; 2] {
+        let odometry: Odometry = self.bench.latest("/localization/local");
+        let [_, pitch, yaw] = pose_of(odometry.pose.as_ref(), "vehicle").unwrap().rpy();
+        [pitch, yaw]
     }
 }
 
 #[test]
-fn where_nothing_followed_the_vehicle_before_init_its_position_is_hardly_known_until_there_is_a_fix() {
-    let mut drive = Drive::start();
-    drive.on(1000, true);
-    // As after a panic.
-    drive.bench.cycles(20, 100);
+fn after_init_both_frames_go_on_with_fixes_and_without_and_without_inertial_sensors() {
+    for (imu, input_timeout_s) in [(Some(imu(0.0)), "0.5"), (None, "0.5"), (None, "1.5")] {
+        for has_fixes in [true, false] {
+            let mut drive = Drive::start(imu.clone(), input_timeout_s);
+            drive.on(1000, true);
+            drive.on(50, has_fixes);
+            let before = drive.off_m();
+            let sent = drive.bench.sent("/localization/local");
+            drive.order("INIT");
+            drive.on(10, has_fixes);
+            assert_eq!(drive.bench.sent("/localization/local"), sent, "it is sent from RUN on");
+            drive.order("RUN");
+            drive.on(100, has_fixes);
+            let after = drive.off_m();
+            let changed_m = [0, 1, 2].map(|at| (after[at] - before[at]).abs());
+            assert!(changed_m[0] < 0.1, "{before:?} {after:?}");
+            assert!(changed_m.iter().all(|&changed_m| changed_m < 0.3), "{before:?} {after:?}");
+            let [_, yaw_rad] = drive.pitch_and_yaw();
+            assert!((yaw_rad - FRAC_PI_2).abs() < 0.01, "{yaw_rad}");
+            assert_eq!(drive.bench.faults("localization"), (0, String::new()));
+        }
+    }
+}
+
+#[test]
+fn after_init_the_bias_of_the_gyro_is_known_and_a_vehicle_that_brakes_is_level() {
+    let mut drive = Drive::start(Some(imu(0.05)), "0.5");
+    drive.on(50, false);
+    let braking = Vector3 { x: -1.0, z: 9.81, ..Vector3::default() };
+    drive.imu = Some(rcs::Imu { linear_acceleration: Some(braking), ..imu(0.05) });
     drive.order("INIT");
-    drive.on(10, false);
+    drive.on(2, false);
+    drive.imu = Some(imu(0.05));
     drive.order("RUN");
     drive.on(10, false);
-    let [local_m, global_m, deviation_m] = drive.off_m();
-    assert!(local_m.abs() < 0.3 && global_m.abs() < 0.5 && deviation_m > 5.0, "{:?}", drive.off_m());
-    drive.on(50, true);
-    let [local_m, global_m, deviation_m] = drive.off_m();
-    assert!(local_m.abs() < 0.3 && global_m.abs() < 0.5 && deviation_m < 4.0, "{:?}", drive.off_m());
+    let [pitch_rad, _] = drive.pitch_and_yaw();
+    assert!(pitch_rad.abs() < 0.02, "{pitch_rad}");
+    drive.on(200, false);
+    let [_, yaw_rad] = drive.pitch_and_yaw();
+    assert!((yaw_rad - FRAC_PI_2).abs() < 0.02, "{yaw_rad}");
+}
+
+#[test]
+fn where_nothing_followed_the_vehicle_before_init_its_position_is_hardly_known_until_there_is_a_fix() {
+    for inertial in [Some(imu(0.0)), None] {
+        let mut drive = Drive::start(inertial, "0.5");
+        drive.on(1000, true);
+        // As after a panic.
+        drive.bench.cycles(20, 100);
+        drive.order("INIT");
+        drive.on(30, false);
+        drive.order("RUN");
+        drive.on(10, false);
+        let [local_m, global_m, deviation_m] = drive.off_m();
+        assert!(local_m.abs() < 0.3 && global_m.abs() < 0.5 && deviation_m > 5.0, "{:?}", drive.off_m());
+        drive.on(50, true);
+        let [local_m, global_m, deviation_m] = drive.off_m();
+        assert!(local_m.abs() < 0.3 && global_m.abs() < 0.5 && deviation_m < 4.0, "{:?}", drive.off_m());
+    }
+}
+
+#[test]
+fn a_vehicle_that_was_carried_before_init_has_the_first_heading_that_can_be_used() {
+    let mut drive = Drive::start(Some(heading(FRAC_PI_2)), "0.5");
+    drive.on(500, true);
+    drive.bench.cycles(20, 100);
+    drive.order("INIT");
+    drive.imu = Some(rcs::Imu { orientation: Some(Quaternion::default()), ..imu(0.0) });
+    drive.stand(5);
+    drive.imu = Some(heading(1.0));
+    drive.order("RUN");
+    drive.stand(5);
+    let [_, yaw_rad] = drive.pitch_and_yaw();
+    assert!((yaw_rad - 1.0).abs() < 1e-6, "{yaw_rad}");
+    assert!(drive.off_m()[0].abs() < 0.1, "the local frame goes on");
+}
+
+#[test]
+fn with_another_heading_at_the_start_the_estimates_begin_anew_by_init() {
+    let mut drive = Drive::start(Some(imu(0.0)), "0.5");
+    drive.on(100, false);
+    let params: LocalizationParams = drive.bench.latest("/localization/params");
+    drive.bench.write("/localization/params", LocalizationParams { start_heading_deg: 0.0, ..params });
+    drive.order("INIT");
+    drive.stand(5);
+    drive.order("RUN");
+    drive.stand(5);
+    let [north_m, yaw_rad] = estimate(&drive.bench, "/localization/local");
+    assert!(north_m.abs() < 0.01 && yaw_rad.abs() < 0.01, "{north_m} {yaw_rad}");
 }
 
 #[test]

@@ -37,7 +37,7 @@ const DOUBT: f64 = 0.7;
 const ELSEWHERE_M: f64 = 100.0;
 /// Time without a way to the goal after which the remembered map is not believed any more, s.
 const NO_WAY_S: f64 = 5.0;
-/// A goal farther than this from the one before is another one, m: the search for a goal moves it by less.
+/// A goal farther than this from the one before is another one, m: the estimate of the position moves one by less.
 const ANOTHER_GOAL_M: f64 = 5.0;
 
 /// State: the frames, the track, where the remembered map lies, and what was sent when.
@@ -343,6 +343,8 @@ impl MapMemoryKeeper {
         self.dropped = Some("the remembered map is cleared".to_owned());
         (self.kept, self.leapt, self.saved) = (Kept::default(), None, None);
         (self.settled, self.own) = (None, None);
+        // Nothing was saved of which one could tell that the local frame has jumped since.
+        self.jump = jump::JumpWatch::default();
         self.track.clear();
         self.recent.clear();
     }
@@ -354,7 +356,10 @@ impl MapMemoryKeeper {
         // Other plans may have none.
         let with_goal = plan.filter(|plan| is_closed || plan.state() == PlanState::PlanPath);
         let goal = with_goal.map(|plan| seen.to_global(DVec2::new(plan.goal_x_m, plan.goal_y_m)));
-        if self.closed_to.zip(goal).is_some_and(|(closed, goal)| closed.distance(goal) > ANOTHER_GOAL_M) {
+        // A jump of the local frame moves the same goal.
+        if seen.jumped_m.is_none()
+            && self.closed_to.zip(goal).is_some_and(|(closed, goal)| closed.distance(goal) > ANOTHER_GOAL_M)
+        {
             self.use_again();
         }
         if !is_closed || self.placed.is_none() {

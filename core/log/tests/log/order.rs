@@ -2,7 +2,7 @@
 
 use crate::common::{log_of, read_all};
 use proptest::prelude::*;
-use rcs_log::{CursorOptions, Log, MessagePosition, Position, TopicId, WriterOptions};
+use rcs_log::{CursorOptions, Log, MessagePosition, Position, TimesOf, TopicId, WriterOptions};
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -41,6 +41,27 @@ proptest! {
         let log = if by_scan { Log::from_bytes_by_scan(bytes) } else { Log::from_bytes(bytes) }.unwrap();
         let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
         prop_assert_eq!(order, reference_order(&messages));
+    }
+
+    #[test]
+    fn times_that_are_looked_up_together_are_those_of_each_alone(
+        messages in messages(),
+        sets in proptest::collection::vec((0..4usize, 0..40u64, 0..45u64), 1..6),
+    ) {
+        let log = Log::from_bytes(log_of(&messages, small_chunks(true))).unwrap();
+        let topics: Vec<Vec<TopicId>> = sets.iter().map(|set| topic_ids(&log, &[set.0])).collect();
+        let of = |(&(_, since, before), topics)| TimesOf { topics, since: Stamp(since), before: Stamp(before) };
+        let wanted: Vec<TimesOf<'_>> = sets.iter().zip(topics.iter().map(Vec::as_slice)).map(of).collect();
+        let (since, times) = (log.times_known_since(&wanted), log.times_before(&wanted).unwrap());
+        for (index, &(topic, _, before)) in sets.iter().enumerate() {
+            prop_assert_eq!(log.times_known_since(&wanted[index..=index])[0], since[index]);
+            let is_meant = |message: &&(usize, u64, usize)| {
+                message.0 == topic && (since[index].0..before).contains(&message.1)
+            };
+            let mut expected: Vec<Stamp> = messages.iter().filter(is_meant).map(|m| Stamp(m.1)).collect();
+            expected.sort_unstable_by(|a, b| b.cmp(a));
+            prop_assert_eq!(&times[index], &expected);
+        }
     }
 
     #[test]
@@ -201,16 +222,19 @@ fn the_times_before_a_moment_are_read_from_a_few_chunks_that_have_the_topic() {
     let rare = (0..10).map(|i| (0, i * 100, 10));
     let messages: Vec<(usize, u64, usize)> = rare.chain((0..100).map(|i| (1, 1000 + i, 150))).collect();
     let log = Log::from_bytes(log_of(&messages, small_chunks(false))).unwrap();
-    let (topics, before) = (topic_ids(&log, &[0, 1]), Stamp(5000));
+    let topics = topic_ids(&log, &[0, 1]);
     let [rare, often] = [&topics[..1], &topics[1..]];
+    let of = |topics, since, before| TimesOf { topics, since: Stamp(since), before: Stamp(before) };
+    let wanted = [of(rare, 0, 5000), of(rare, 300, 500), of(often, 0, 5000)];
+    let since = log.times_known_since(&wanted);
+    assert_eq!(since[..2], [Stamp(0), Stamp(300)]);
+    assert!(since[2] > Stamp(1080), "not all of its chunks are read: {}", since[2]);
+    let times = log.times_before(&wanted).unwrap();
     let expected: Vec<Stamp> = (0..10).rev().map(|i| Stamp(i * 100)).collect();
-    assert_eq!(log.times_known_since(rare, before, Stamp(0)), Stamp(0));
-    assert_eq!(log.times_before(rare, before, Stamp(0)).unwrap(), expected);
-    assert_eq!(log.times_before(rare, Stamp(500), Stamp(300)).unwrap(), [Stamp(400), Stamp(300)]);
-    let since = log.times_known_since(often, before, Stamp(0));
-    let expected: Vec<Stamp> = (since.0..1100).rev().map(Stamp).collect();
-    assert!(since > Stamp(1080), "not all of its chunks are read: {since}");
-    assert_eq!(log.times_before(often, before, Stamp(0)).unwrap(), expected);
+    assert_eq!(times[0], expected);
+    assert_eq!(times[1], [Stamp(400), Stamp(300)]);
+    let expected: Vec<Stamp> = (since[2].0..1100).rev().map(Stamp).collect();
+    assert_eq!(times[2], expected);
 }
 
 #[test]

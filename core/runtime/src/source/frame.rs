@@ -321,7 +321,8 @@ pub struct Frame {
     pub comparisons: Arc<[Comparison]>,
     /// Name of the recording that [`super::Compared::Other`] means.
     pub against: Option<Arc<str>>,
-    /// The same moment in that recording, while it is compared: topics, tracks and transforms.
+    /// The same moment in that recording, while it is compared: tracks, transforms, and the topics with maps, paths, poses
+    /// and transforms, without rates.
     pub other: Option<Arc<Frame>>,
 }
 

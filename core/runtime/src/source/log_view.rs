@@ -6,7 +6,7 @@ use super::events::{EventWatch, Events, is_event_type};
 use super::fields::{FieldSeries, LogFields, alike};
 use super::frame::{Topic, UPDATES};
 use super::hierarchy::WRITER_KEYS;
-use super::rates::LogRate;
+use super::rates::{self, LogRate};
 use super::run_tag::RunTag;
 use super::tracks::{Track, is_pose_type, is_transform_type};
 use super::transform_clock::TransformClock;
@@ -43,8 +43,10 @@ pub(crate) struct LogView {
     log: Log,
     /// Channels with one name whose messages are read alike are one topic.
     pub(crate) topics: Vec<Topic>,
-    /// The rate of each topic.
+    /// The rate of each topic; none in a view without rates.
     rates: Vec<LogRate>,
+    /// The channels that are read; `None` for all.
+    read: Option<Vec<TopicId>>,
     /// Index of the topic of each channel.
     by_id: BTreeMap<TopicId, usize>,
     shown: Option<MessagePosition>,
@@ -65,13 +67,27 @@ pub(crate) struct LogView {
 impl LogView {
     /// A view of all topics; those in `wired` have the name of the buffer that they feed.
     pub(crate) fn new(log: &Log, wired: &BTreeMap<String, Arc<str>>) -> Self {
+        Self::of(log, wired, |_| true)
+    }
+
+    /// A view of the topics whose types (by the names that views request) are wanted, and of nothing else: their rates
+    /// are not known.
+    pub(crate) fn of_types(log: &Log, is_wanted: impl Fn(&str) -> bool) -> Self {
+        let view = Self::of(log, &BTreeMap::new(), is_wanted);
+        let deltas = |id: TopicId| view.reassembly.deltas_of(id).iter().copied();
+        let read = view.by_id.keys().flat_map(|&id| iter::once(id).chain(deltas(id))).collect();
+        Self { rates: Vec::new(), read: Some(read), ..view }
+    }
+
+    fn of(log: &Log, wired: &BTreeMap<String, Arc<str>>, is_wanted: impl Fn(&str) -> bool) -> Self {
         let info = log.info();
         let (mut topics, mut means_hz) = (Vec::<Topic>::new(), Vec::<f64>::new());
         let mut channels = Vec::<Vec<TopicId>>::new();
         let (mut by_id, mut by_name) = (BTreeMap::new(), BTreeMap::<&str, Vec<usize>>::new());
         let reassembly = Reassembly::new(log);
         for topic in &info.topics {
-            if reassembly.keys_of(topic.id).is_some() {
+            let type_name = rcs_msg::canonical_name(&topic.schema).unwrap_or_else(|| topic.schema.name());
+            if reassembly.keys_of(topic.id).is_some() || !is_wanted(type_name) {
                 continue;
             }
             let deltas = reassembly.deltas_of(topic.id).iter().filter_map(|id| info.topic(*id));
@@ -121,7 +137,8 @@ impl LogView {
         let rates = rates.collect();
         let ids = |is_read: fn(&str) -> bool| -> Vec<TopicId> {
             let is_read = |topic: &&LogTopic| rcs_msg::canonical_name(&topic.schema).is_some_and(is_read);
-            info.topics.iter().filter(is_read).map(|topic| topic.id).collect()
+            let shown = info.topics.iter().filter(|topic| by_id.contains_key(&topic.id));
+            shown.filter(is_read).map(|topic| topic.id).collect()
         };
         let first = ids(|name| is_pose_type(name) || is_transform_type(name) || is_event_type(name));
         let background = [first, ids(is_scene_type)].into_iter().filter(|ids| !ids.is_empty());
@@ -133,6 +150,7 @@ impl LogView {
         Self {
             log: log.clone(),
             rates,
+            read: None,
             topics,
             by_id,
             shown: None,
@@ -187,7 +205,7 @@ impl LogView {
         self.topics.iter_mut().for_each(|topic| topic.set_latest(None));
         let mut found = self.reassembly.seek(MessagePosition::before(time))?;
         if time > Stamp(0) {
-            let direct = self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten();
+            let direct = self.log.latest_at(time.before_ns(1), self.read.as_deref())?.into_iter().flatten();
             found.extend(direct.filter_map(|stored| self.direct(stored)));
         }
         // Of the channels of a topic, the newest message counts.
@@ -199,15 +217,18 @@ impl LogView {
         }
         self.rates.iter_mut().for_each(|rate| rate.begin_at(time));
         self.ahead = None;
-        self.cursor = self.log.cursor(CursorOptions { start: time, ..CursorOptions::default() });
+        let topics = self.read.clone();
+        self.cursor = self.log.cursor(CursorOptions { topics, start: time, ..CursorOptions::default() });
         Ok(())
     }
 
     /// Updates the rates to the viewed time.
     fn update_rates(&mut self, time: Stamp) -> Result<(), SourceError> {
-        for (topic, rate) in self.topics.iter_mut().zip(&mut self.rates) {
-            let newest = topic.latest.as_ref().map(|latest| latest.header.log_time);
-            topic.hz = rate.at(&self.log, newest, time)?;
+        let newest = |topic: &Topic| topic.latest.as_ref().map(|latest| latest.header.log_time);
+        let newest: Vec<Option<Stamp>> = self.topics.iter().map(newest).collect();
+        rates::measure(&mut self.rates, &newest, &self.log, time)?;
+        for (topic, rate) in self.topics.iter_mut().zip(&self.rates) {
+            topic.hz = rate.hz();
         }
         Ok(())
     }
@@ -247,7 +268,9 @@ impl LogView {
             writer: WriterId::RUNTIME,
         };
         topic.set_latest(Some(Sample { header, message }));
-        self.rates[index].take(header.log_time);
+        if let Some(rate) = self.rates.get_mut(index) {
+            rate.take(header.log_time);
+        }
     }
 
     /// Gathers these fields of the topics for which `is_wanted` holds, and no others.

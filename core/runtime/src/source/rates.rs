@@ -5,7 +5,7 @@
 use crate::history::{RunId, RunSummary};
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
-use rcs_log::{Log, LogError, TopicId};
+use rcs_log::{Log, LogError, TimesOf, TopicId};
 use rcs_msg::Stamp;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -130,14 +130,17 @@ pub(crate) struct LogRate {
     /// Times of the last messages that were shown, oldest first: those from `known_since` on, at most [`MOST`].
     times: VecDeque<Stamp>,
     known_since: Stamp,
-    /// Time of a newest message, and the rate there.
-    measured: Option<(Stamp, Option<f64>)>,
+    /// The rate at the viewed time.
+    hz: Option<f64>,
+    /// Time of the newest message for which it was measured; `None` if more messages may follow at that time.
+    measured: Option<Stamp>,
 }
 
 impl LogRate {
     pub(crate) fn new(channels: Vec<TopicId>, messages: u64, mean_hz: f64) -> Self {
         let mean_hz = (messages > 1 && mean_hz > 0.0).then_some(mean_hz);
-        Self { channels, messages, mean_hz, times: VecDeque::new(), known_since: Stamp(0), measured: None }
+        let (times, hz) = (VecDeque::new(), mean_hz);
+        Self { channels, messages, mean_hz, times, known_since: Stamp(0), hz, measured: None }
     }
 
     /// After a jump, the messages from `time` on follow.
@@ -154,44 +157,83 @@ impl LogRate {
         self.times.push_back(time);
     }
 
-    /// The rate at the `viewed` time, when the message at `newest` is the newest one. It follows from the log alone,
-    /// not from what was shown before. The mean over the log stands for it where the last seconds before that message
-    /// have no other one. Where they have all messages that there are, it is the lower of both: what was sent at the
-    /// start alone does not become old.
-    pub(crate) fn at(
-        &mut self,
-        log: &Log,
-        newest: Option<Stamp>,
-        viewed: Stamp,
-    ) -> Result<Option<f64>, LogError> {
-        let Some(newest) = newest else { return Ok(self.mean_hz) };
-        if let Some((time, hz)) = self.measured
-            && time == newest
-        {
-            return Ok(hz);
-        }
-        let before = newest.after_ns(1);
-        let since = log.times_known_since(&self.channels, before, newest.before_ns(WINDOW_NS));
-        if self.known_since > since {
-            // Of the messages at the viewed time, those count that were shown.
-            self.times.retain(|time| *time >= viewed);
-            for time in log.times_before(&self.channels, before.min(viewed), since)? {
-                if self.times.len() < MOST {
-                    self.times.push_front(time);
-                }
+    /// The rate at the viewed time; see [`measure`].
+    pub(crate) fn hz(&self) -> Option<f64> {
+        self.hz
+    }
+
+    /// The messages whose times give the rate where the newest one is at `newest`; `None` if the rate is known: a single
+    /// message has none.
+    fn wanted(&self, newest: Stamp) -> Option<TimesOf<'_>> {
+        let is_known = self.messages < 2 || self.measured == Some(newest);
+        let (since, before) = (newest.before_ns(WINDOW_NS), newest.after_ns(1));
+        (!is_known).then_some(TimesOf { topics: &self.channels, since, before })
+    }
+
+    /// Adds the times from `since` on, newest first, of the messages before those that were shown.
+    fn complete(&mut self, newest_first: Vec<Stamp>, since: Stamp, viewed: Stamp) {
+        // Of the messages at the viewed time, those count that were shown.
+        self.times.retain(|time| *time >= viewed);
+        for time in newest_first {
+            if self.times.len() < MOST {
+                self.times.push_front(time);
             }
-            self.known_since = since;
         }
+        self.known_since = since;
+    }
+
+    /// Measures the rate from the times from `since` on.
+    fn settle(&mut self, newest: Stamp, since: Stamp, viewed: Stamp) {
         let last = self.times.iter().rev().take_while(|time| **time >= since).map(|time| time.0);
         let is_all = last.clone().count() as u64 == self.messages;
         let mut hz = rate_hz(last);
         if is_all || hz.is_none() {
             hz = hz.into_iter().chain(self.mean_hz).reduce(f64::min);
         }
+        self.hz = hz;
         // More messages may follow at the viewed time.
-        self.measured = (newest < viewed).then_some((newest, hz));
-        Ok(hz)
+        self.measured = (newest < viewed).then_some(newest);
     }
+}
+
+/// Measures the rate of each topic at the `viewed` time, when its message at the time in `newest` is the newest one. It
+/// follows from the log alone, not from what was shown before. The mean over the log stands for it where the last seconds
+/// before that message have no other one. Where they have all messages that there are, it is the lower of both: what was
+/// sent at the start alone does not become old.
+///
+/// What several topics need is read once.
+pub(crate) fn measure(
+    rates: &mut [LogRate],
+    newest: &[Option<Stamp>],
+    log: &Log,
+    viewed: Stamp,
+) -> Result<(), LogError> {
+    let mut open: Vec<(&mut LogRate, Stamp)> = Vec::new();
+    for (rate, newest) in rates.iter_mut().zip(newest) {
+        match newest {
+            Some(newest) if rate.wanted(*newest).is_some() => open.push((rate, *newest)),
+            Some(_) => {}
+            None => (rate.hz, rate.measured) = (rate.mean_hz, None),
+        }
+    }
+    let wanted: Vec<TimesOf<'_>> = open.iter().filter_map(|(rate, newest)| rate.wanted(*newest)).collect();
+    let since = log.times_known_since(&wanted);
+    // The times of the others were shown one after another.
+    let is_unknown = |index: &usize| open[*index].0.known_since > since[*index];
+    let unknown: Vec<usize> = (0..open.len()).filter(is_unknown).collect();
+    let missing = |&index: &usize| {
+        let TimesOf { topics, before, .. } = wanted[index];
+        TimesOf { topics, since: since[index], before: before.min(viewed) }
+    };
+    let missing: Vec<TimesOf<'_>> = unknown.iter().map(missing).collect();
+    let found = log.times_before(&missing)?;
+    for (index, times) in unknown.into_iter().zip(found) {
+        open[index].0.complete(times, since[index], viewed);
+    }
+    for ((rate, newest), since) in open.into_iter().zip(since) {
+        rate.settle(newest, since, viewed);
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -207,6 +249,14 @@ mod tests {
         assert_eq!(rate([].into_iter()), None);
         assert_eq!(rate([5].into_iter()), None);
         assert_eq!(rate([5, 5].into_iter()), None, "two at one moment are one");
+    }
+
+    #[test]
+    fn of_a_log_no_times_are_looked_up_of_a_topic_with_a_single_message() {
+        let [single, several] = [1, 2].map(|messages| LogRate::new(vec![TopicId(1)], messages, 0.0));
+        assert!(single.wanted(Stamp(5)).is_none());
+        let wanted = several.wanted(Stamp(5)).map(|of| (of.topics, of.since, of.before));
+        assert_eq!(wanted, Some((&[TopicId(1)][..], Stamp(0), Stamp(6))));
     }
 
     #[test]

@@ -15,6 +15,8 @@ use std::sync::Arc;
 /// Types of messages with a pose.
 const POSE_TYPES: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "foxglove.LocationFix"];
 const TRANSFORM_TYPES: [&str; 2] = ["foxglove.FrameTransforms", "foxglove.FrameTransform"];
+/// Number of refused transforms that are told, of different frames.
+const MOST_REFUSED: usize = 12;
 /// Coordinate frame of geodetic positions.
 pub const WGS84: &str = "wgs84";
 
@@ -188,7 +190,7 @@ pub(crate) struct Tracks {
     transforms: usize,
     /// The topic that moves a frame, by its name; and whether another one does, too.
     moved_by: BTreeMap<String, (Arc<str>, bool)>,
-    /// Parents and children of which a transform was refused.
+    /// Parents and children of which a transform was refused; one more than [`MOST_REFUSED`] where that is told.
     refused: BTreeSet<(String, String)>,
     /// What is doubtful about the transforms, one line each.
     doubts: Vec<String>,
@@ -283,10 +285,7 @@ impl Tracks {
         let parent = frame_name(&transform.parent_frame_id);
         let child = frame_name(&transform.child_frame_id);
         if let Err(why) = self.place(parent, child, transform, log_time, is_static) {
-            if self.refused.insert((parent.to_owned(), child.to_owned())) {
-                self.doubts.push(format!("{topic}: {why}; skipped"));
-            }
-            return;
+            return self.tell_refused(topic, parent, child, &why);
         }
         self.transforms += 1;
         if is_static {
@@ -304,6 +303,18 @@ impl Tracks {
             }
             Some(_) => {}
         }
+    }
+
+    /// Tells why a transform was refused, once for its frames; of more than [`MOST_REFUSED`] only that there are some.
+    fn tell_refused(&mut self, topic: &str, parent: &str, child: &str, why: &str) {
+        if self.refused.len() > MOST_REFUSED || !self.refused.insert((parent.to_owned(), child.to_owned())) {
+            return;
+        }
+        self.doubts.push(if self.refused.len() > MOST_REFUSED {
+            "further transforms were refused; skipped".to_owned()
+        } else {
+            format!("{topic}: {why}; skipped")
+        });
     }
 
     /// Adds the pose of a frame. If it is refused, the pose of the frame does not change.

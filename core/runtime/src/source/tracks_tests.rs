@@ -197,6 +197,23 @@ fn a_transform_that_is_refused_is_told_once_with_the_reason() {
 }
 
 #[test]
+fn of_many_refused_transforms_some_are_told_and_that_there_are_more() {
+    let (mut tracks, topic): (_, Arc<str>) = (Tracks::default(), "/tf".into());
+    for object in 0..10_000 {
+        let transform = FrameTransform {
+            parent_frame_id: "map".into(),
+            child_frame_id: format!("object_{object}"),
+            translation: Some(at(1.0)),
+            rotation: Some(UNSET),
+            ..FrameTransform::default()
+        };
+        tracks.add(&topic, Stamp(1), &AnyMessage::new(transform), false);
+    }
+    assert_eq!((tracks.doubts().len(), tracks.refused.len()), (MOST_REFUSED + 1, MOST_REFUSED + 1));
+    assert_eq!(tracks.doubts()[MOST_REFUSED], "further transforms were refused; skipped");
+}
+
+#[test]
 fn a_static_transform_without_a_valid_rotation_is_told() {
     let refused = |rotation: Option<Quaternion>| {
         let transform = FrameTransform {

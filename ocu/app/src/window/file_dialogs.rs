@@ -5,7 +5,7 @@ use super::load_param::{LoadParam, Loaded};
 use super::notices::{Matter, Notices};
 use super::recording;
 use super::save_file::SaveFile;
-use super::save_params::{SaveParams, Saved};
+use super::save_params::{SaveParams, Saved, SavedStack};
 use crate::assets::looks_like_path;
 use crate::open::Request;
 use crate::output::Files;
@@ -22,11 +22,27 @@ pub(super) struct FileDialogs {
     pub(super) load_param: Option<LoadParam>,
     pub(super) save_file: SaveFile,
     choose_other: Option<PathRow>,
+    /// The stack file to which parameters of the open source were saved last.
+    pub(super) saved: SavedStack,
     /// The files of the recording with which the open source is compared; empty for none.
     pub(super) other: Vec<PathBuf>,
 }
 
 impl FileDialogs {
+    /// Asks where to save parameters of a process.
+    pub(super) fn save_params(
+        &mut self,
+        current: &Request,
+        frame: &Frame,
+        process: &str,
+        params: &AnyMessage,
+    ) {
+        if self.saved.is_deleted() {
+            self.saved = SavedStack::default();
+        }
+        self.save_params = Some(SaveParams::new(current, &self.saved, frame, process, params));
+    }
+
     /// Asks where to save a message, as JSON.
     pub(super) fn save_message(&mut self, topic: &TopicKey, message: &AnyMessage) -> anyhow::Result<()> {
         let name = format!("{}.json", topic.name.trim_matches('/').replace('/', "_"));
@@ -79,8 +95,10 @@ impl FileDialogs {
             Some(Saved::Cancelled) => self.save_params = None,
             Some(Saved::Written(path)) => {
                 let running = frame.filter(|frame| frame.info.kind != SourceKind::Log);
-                let saved = self.save_params.take();
-                let is_in_force = saved.zip(running).map(|(saved, frame)| saved.is_in_force(frame));
+                if let Some(dialog) = self.save_params.take() {
+                    self.saved.add(&path, dialog);
+                }
+                let is_in_force = running.map(|frame| self.saved.is_in_force(frame));
                 let whole = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
                 let mut text =
                     format!("Saved: {}. `ocu --stack {}` starts with it", whole.display(), path.display());
@@ -132,42 +150,79 @@ mod tests {
     use egui_kittest::Harness;
     use egui_kittest::kittest::{NodeT as _, Queryable as _};
     use rcs_msg::params::with_params;
-    use rcs_runtime::source::Task;
+    use rcs_runtime::source::{Source, Task};
 
-    #[test]
-    fn the_stack_that_runs_is_called_by_the_saved_file_only_where_it_has_what_was_saved() {
-        let dir = tempfile::tempdir().unwrap();
+    type State = (FileDialogs, Request, Notices);
+
+    /// A stack that runs since 0.1 s, and how it was asked for.
+    fn running() -> (Request, Box<dyn Source>) {
         let (stack, course) = (Some("truth_driver".to_owned()), Some("meadow".to_owned()));
         let request = Request { stack, course, ..Request::default() };
         let mut source = crate::stacks::open(&request).unwrap();
         let begun = source.info().start.after_ns(100_000_000);
         source.seek(begun, &Task::default()).unwrap();
-        let frame = source.frame();
-        let info = frame.processes.iter().find(|info| info.name == "truth_driver").unwrap();
+        (request, source)
+    }
+
+    /// The buffer of the parameters of a process, and those in force with another value of one of them.
+    fn changed(frame: &Frame, process: &str, name: &str, value: &str) -> (String, AnyMessage) {
+        let info = frame.processes.iter().find(|info| info.name == process).unwrap();
         let in_force = frame.topic(&info.params_buffer).unwrap().canonical().unwrap();
-        let params = with_params(in_force, [("vehicle_width_m", "0.9")]).unwrap();
+        (info.params_buffer.clone(), with_params(in_force, [(name, value)]).unwrap())
+    }
+
+    /// What the dialogs are after the parameters of a process were saved to a file.
+    fn save(state: State, frame: &Frame, process: &str, params: &AnyMessage, file: &Path) -> State {
+        let mut harness = Harness::new_ui_state(
+            |ui, (dialogs, request, notices): &mut State| {
+                dialogs.ui(ui.ctx(), request, Some(frame), &mut Vec::new(), notices);
+            },
+            state,
+        );
+        ocu_ui::install(&harness.ctx);
+        let (dialogs, request, _) = harness.state_mut();
+        dialogs.save_params(request, frame, process, params);
+        dialogs.save_params.as_mut().unwrap().file = PathRow::new(file.display().to_string());
+        harness.run();
+        harness.get_by_label(if file.exists() { "Replace" } else { "Save" }).click();
+        harness.run();
+        assert!(file.exists() && harness.state().0.save_params.is_none());
+        std::mem::take(harness.state_mut())
+    }
+
+    #[test]
+    fn the_stack_that_runs_is_called_by_the_saved_file_only_where_it_has_what_was_saved() {
+        let dir = tempfile::tempdir().unwrap();
+        let (request, mut source) = running();
+        let frame = source.frame();
+        let (buffer, params) = changed(&frame, "truth_driver", "vehicle_width_m", "0.9");
         let stack_after = |frame: &Frame, file: &Path| {
             let state = (FileDialogs::default(), request.clone(), Notices::default());
-            let mut harness = Harness::new_ui_state(
-                |ui, (dialogs, request, notices): &mut (FileDialogs, Request, Notices)| {
-                    dialogs.ui(ui.ctx(), request, Some(frame), &mut Vec::new(), notices);
-                },
-                state,
-            );
-            ocu_ui::install(&harness.ctx);
-            let mut dialog = SaveParams::new(&request, frame, "truth_driver", &params);
-            dialog.file = PathRow::new(file.display().to_string());
-            harness.state_mut().0.save_params = Some(dialog);
-            harness.run();
-            harness.get_by_label("Save").click();
-            harness.run();
-            assert!(file.exists() && harness.state().0.save_params.is_none());
-            harness.state().1.stack.clone()
+            save(state, frame, "truth_driver", &params, file).1.stack
         };
         let [unsent, sent] = ["unsent.toml", "sent.toml"].map(|name| dir.path().join(name));
         assert_eq!(stack_after(&frame, &unsent).as_deref(), Some("truth_driver"));
-        source.write(&info.params_buffer, params.clone()).unwrap();
+        source.write(&buffer, params.clone()).unwrap();
         assert_eq!(stack_after(&source.frame(), &sent), Some(sent.display().to_string()));
+    }
+
+    #[test]
+    fn a_file_keeps_what_was_saved_to_it_before_and_is_the_stack_that_runs_once_all_is_in_force() {
+        let dir = tempfile::tempdir().unwrap();
+        let (request, mut source) = running();
+        let frame = source.frame();
+        let (_, driver) = changed(&frame, "truth_driver", "vehicle_width_m", "0.9");
+        let (buffer, localization) = changed(&frame, "localization", "rolling_slip", "0.03");
+        let file = dir.path().join("mine.toml");
+        let state = (FileDialogs::default(), request, Notices::default());
+        let state = save(state, &frame, "truth_driver", &driver, &file);
+        source.write(&buffer, localization.clone()).unwrap();
+        let state = save(state, &source.frame(), "localization", &localization, &file);
+        let text = std::fs::read_to_string(&file).unwrap();
+        for line in ["vehicle_width_m = 0.9", "rolling_slip = 0.03"] {
+            assert!(text.lines().any(|known| known == line), "{line}: {text}");
+        }
+        assert_eq!(state.1.stack.as_deref(), Some("truth_driver"), "what was saved first was not sent");
     }
 
     #[test]

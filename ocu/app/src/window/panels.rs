@@ -9,7 +9,6 @@ use super::notices::Matter;
 use super::open::{self, Invited};
 use super::operate::StopState;
 use super::palette::Choice;
-use super::save_params::SaveParams;
 use super::top_bar;
 use super::top_state::{self, TopBarAction};
 use super::tree::{Workspace, view_menu};
@@ -90,7 +89,7 @@ impl Window {
         for wish in wishes {
             match wish {
                 Wish::SaveParams { process, params } => {
-                    self.dialogs.save_params = Some(SaveParams::new(&self.current, frame, &process, &params));
+                    self.dialogs.save_params(&self.current, frame, &process, &params);
                 }
                 Wish::SaveMessage { topic, message } => {
                     if let Err(error) = self.dialogs.save_message(&topic, &message) {

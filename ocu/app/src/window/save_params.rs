@@ -11,7 +11,8 @@ use ocu_ui::{tokens, widgets};
 use rcs_msg::AnyMessage;
 use rcs_runtime::source::Frame;
 use similar::{ChangeTag, TextDiff};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// The dialog, while it is open.
 pub(super) struct SaveParams {
@@ -37,6 +38,15 @@ struct Edit {
     unwritten: Vec<String>,
 }
 
+/// The stack file to which parameters of the open source were saved last.
+#[derive(Default)]
+pub(super) struct SavedStack {
+    /// The file; `None` before anything is saved.
+    file: Option<String>,
+    /// The parameters that were saved, by process.
+    params: BTreeMap<String, AnyMessage>,
+}
+
 /// What became of the dialog.
 pub(super) enum Saved {
     Open,
@@ -45,18 +55,18 @@ pub(super) enum Saved {
 }
 
 impl SaveParams {
-    /// Prepares to write parameters into the stack that runs, or ran in the recording.
-    pub(super) fn new(current: &Request, frame: &Frame, process: &str, params: &AnyMessage) -> Self {
-        let edit = prepare(current, frame, process, params).map_err(|error| say(&error));
+    /// Prepares to write parameters into the file that was saved last, else into the stack that runs, or ran in the
+    /// recording.
+    pub(super) fn new(
+        current: &Request,
+        saved: &SavedStack,
+        frame: &Frame,
+        process: &str,
+        params: &AnyMessage,
+    ) -> Self {
+        let edit = prepare(current, saved, frame, process, params).map_err(|error| say(&error));
         let file = edit.as_ref().map(|edit| edit.file.clone()).unwrap_or_default();
         Self { process: process.to_owned(), params: params.clone(), file: PathRow::new(file), edit }
-    }
-
-    /// Whether the process has the parameters that are saved.
-    pub(super) fn is_in_force(&self, frame: &Frame) -> bool {
-        let info = frame.processes.iter().find(|info| info.name == self.process);
-        let now = info.and_then(|info| frame.topic(&info.params_buffer)?.canonical()?.value().ok());
-        now.is_some() && now == self.params.value().ok()
     }
 
     /// Paints the dialog; no file of `in_use` is written, and none from which the stack would not start.
@@ -86,15 +96,47 @@ impl SaveParams {
     }
 }
 
-/// What would change in the file of the stack that runs, or ran in the recording.
-fn prepare(current: &Request, frame: &Frame, process: &str, params: &AnyMessage) -> anyhow::Result<Edit> {
-    let (file, old, course) = match &current.stack {
+impl SavedStack {
+    /// What the dialog has written to a file.
+    pub(super) fn add(&mut self, file: &Path, dialog: SaveParams) {
+        self.file = Some(file.display().to_string());
+        self.params.insert(dialog.process, dialog.params);
+    }
+
+    /// Whether the file was deleted since.
+    pub(super) fn is_deleted(&self) -> bool {
+        self.file.as_ref().is_some_and(|file| !Path::new(file).exists())
+    }
+
+    /// Whether all processes have the parameters that were saved.
+    pub(super) fn is_in_force(&self, frame: &Frame) -> bool {
+        self.params.iter().all(|(process, params)| {
+            let info = frame.processes.iter().find(|info| info.name == *process);
+            let now = info.and_then(|info| frame.topic(&info.params_buffer)?.canonical()?.value().ok());
+            now.is_some() && now == params.value().ok()
+        })
+    }
+}
+
+/// What would change in the file that was saved last, else in that of the stack that runs, or ran in the recording.
+fn prepare(
+    current: &Request,
+    saved: &SavedStack,
+    frame: &Frame,
+    process: &str,
+    params: &AnyMessage,
+) -> anyhow::Result<Edit> {
+    let (mut file, mut old, course) = match &current.stack {
         Some(spec) => {
             let (file, old) = stacks::text_of(spec)?;
             (file, old, current.course.as_deref())
         }
         None => recorded_stack(current, frame, process)?,
     };
+    // What was saved before stays in the file, also where it is not in force.
+    if let Some(saved) = &saved.file {
+        (file, old) = stacks::text_of(saved)?;
+    }
     let new = stack_edit::with_params(&file, &old, course, process, params)?;
     let unwritten = stack_edit::unwritten(&file, &old, course, process, params)?;
     Ok(Edit { file, course: course.map(str::to_owned), old, new, unwritten })
@@ -155,7 +197,6 @@ mod tests {
     use rcs_msg::params::with_params;
     use rcs_runtime::source::Task;
     use rcs_runtime::{RecordOptions, RecordWhat};
-    use std::path::Path;
     use std::sync::Arc;
 
     fn no_frame() -> Frame {
@@ -184,7 +225,8 @@ mod tests {
         let process = plan.processes.iter().find(|process| &*process.name == "waypoint_generator").unwrap();
         let request = Request { stack: Some("lagr".to_owned()), ..Request::default() };
         let says = |params: &AnyMessage, text: &str| {
-            let harness = shown(SaveParams::new(&request, &no_frame(), "waypoint_generator", params));
+            let (none, frame) = (SavedStack::default(), no_frame());
+            let harness = shown(SaveParams::new(&request, &none, &frame, "waypoint_generator", params));
             harness.query_by_label(text).is_some()
         };
         let loaded = with_params(&process.params, [("route", "blake3:0123")]).unwrap();
@@ -211,7 +253,7 @@ mod tests {
         let info = frame.processes.iter().find(|info| info.name == "truth_driver").unwrap();
         let in_force = frame.topic(&info.params_buffer).unwrap().canonical().unwrap();
         let params = with_params(in_force, [("vehicle_width_m", "0.9")]).unwrap();
-        let dialog = SaveParams::new(&request, &frame, "truth_driver", &params);
+        let dialog = SaveParams::new(&request, &SavedStack::default(), &frame, "truth_driver", &params);
         assert_eq!(dialog.edit.as_ref().map(|edit| edit.file.as_str()), Ok("truth_driver.toml"));
         assert!(shown(dialog).query_by_label("+ vehicle_width_m = 0.9").is_some());
     }
@@ -233,7 +275,8 @@ mod tests {
         let params = with_params(&plan.processes[0].params, [("max_speed_mps", "0.9")]).unwrap();
         let request = Request { stack: Some(mine), ..Request::default() };
         let pressed = |path: &str| {
-            let mut dialog = SaveParams::new(&request, &no_frame(), "vehicle_interface", &params);
+            let (none, frame) = (SavedStack::default(), no_frame());
+            let mut dialog = SaveParams::new(&request, &none, &frame, "vehicle_interface", &params);
             dialog.file = PathRow::new(path);
             let mut harness = shown(dialog);
             harness.get_by_label(if Path::new(path).exists() { "Replace" } else { "Save" }).click();

@@ -7,6 +7,7 @@ use super::known_alarms::KnownAlarms;
 use super::leaving::Leaving;
 use super::memory;
 use super::notices::Matter;
+use super::save_params::SavedStack;
 use super::tree::Workspace;
 use crate::open::Request;
 use ocu_views::{Drafts, Selection};
@@ -52,6 +53,7 @@ impl Window {
         self.marks = Bookmarks::of(request.log.as_deref());
         self.current = request;
         self.dialogs.other.clear();
+        self.dialogs.saved = SavedStack::default();
         self.timeline.forget();
         self.operating.forget();
         self.alarm_sound.forget();

@@ -1,5 +1,5 @@
-//! What a cell of a grid holds: the fused cost, with what edited weights give above it, a row for each source with the
-//! message that made it, a row for each part with heights, and the rest.
+//! What a cell of a grid holds: the fused cost, with what the weights of a preview give above it, a row for each source
+//! with the message that made it, a row for each part with heights, and the rest.
 
 use super::grid::Cells;
 use super::layers::Layer;
@@ -31,7 +31,7 @@ pub(super) struct Content<'a> {
     pub(super) cell: [usize; 2],
     /// The weights with which the sources are fused, if it is a map that a process fuses.
     pub(super) weights: Option<Weights>,
-    /// Whether these weights are being edited: the cell holds what was fused with those in force.
+    /// Whether these weights are a preview: the cell holds what was fused with others.
     pub(super) is_edited: bool,
 }
 
@@ -149,8 +149,8 @@ impl Content<'_> {
         room.write_weak(ui, &format!("{layer}  cell {column}, {row}{keeps}"));
     }
 
-    /// What the sources of the cell give with the weights that are being edited, by the rule by which the map is painted;
-    /// `None` while none are, or if the map cannot be fused.
+    /// What the sources of the cell give with the weights of a preview, by the rule by which the map is painted; `None`
+    /// without one, or if the map cannot be fused.
     fn preview(&self) -> Option<Fused> {
         let weights = self.weights.as_ref().filter(|_| self.is_edited)?;
         let byte = |field: &str, source: Source| {
@@ -167,8 +167,8 @@ impl Content<'_> {
         (!said.is_empty()).then(|| fuse(&said, weights))
     }
 
-    /// The fused cost, if there is one, and by which source, below what edited weights give; returns the fields that it
-    /// tells.
+    /// The fused cost, if there is one, and by which source, below what the weights of a preview give; returns the
+    /// fields that it tells.
     fn fused(&self, ui: &mut Ui, room: &mut Room) -> &'static [&'static str] {
         if let Some(fused) = self.preview().filter(|_| room.lines > 1) {
             let [cost, confidence, label] = [fused.cost, fused.confidence, fused.label as u8].map(f64::from);
@@ -178,8 +178,7 @@ impl Content<'_> {
         let Some(cost) = self.fused_cost() else { return &[] };
         let place = self.value("source").unwrap_or(f64::NAN);
         let source = if place >= 0.0 { self.sources().nth(place as usize) } else { None };
-        let name = if self.is_edited { "in force" } else { "fused" };
-        room.write(ui, &fused_line(name, cost, self.value("confidence"), self.value("label"), source));
+        room.write(ui, &fused_line("fused", cost, self.value("confidence"), self.value("label"), source));
         &FUSED
     }
 
@@ -496,7 +495,7 @@ mod tests {
     }
 
     #[test]
-    fn what_edited_weights_give_is_said_above_what_is_in_force() {
+    fn what_the_weights_of_a_preview_give_is_said_above_what_was_fused() {
         let mut map = rcs_world::Map::new(0.2).unwrap();
         let cell = map.grid().centre();
         for (source, cost) in [(Source::STEREO, 233), (Source::TERRAIN, 223)] {
@@ -514,7 +513,9 @@ mod tests {
         });
         harness.run();
         let preview = harness.get_by_label("preview    cost 223  conf  16  obstacle by terrain").rect();
-        let in_force = harness.get_by_label("in force   cost 233  conf  18  obstacle by stereo").rect();
-        assert!(preview.bottom() <= in_force.top(), "{preview} {in_force}");
+        let fused = harness.get_by_label("fused      cost 233  conf  18  obstacle by stereo").rect();
+        assert!(preview.bottom() <= fused.top(), "{preview} {fused}");
+        // Weights that were sent are in force, and the map was fused before.
+        assert!(harness.query_by_label_contains("in force").is_none());
     }
 }

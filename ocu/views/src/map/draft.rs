@@ -195,18 +195,24 @@ impl Draft {
     /// Takes over what the viewed moment has: the operator's newest mission, and the one that the vehicle obeys. `now_s` is
     /// the time of the window.
     pub(super) fn follow(&mut self, newest: Option<&Mission>, obeyed: Option<&Mission>, now_s: f64) {
+        self.follow_sending(newest, now_s);
+        let goals = self.sent.goals.as_ref();
+        let obeyed = obeyed.filter(|mission| goals.is_some_and(|goals| goals.are_of(mission)));
+        self.viewed.is_obeyed = obeyed.is_some();
+        self.viewed.reached = obeyed.map_or(0, |mission| mission.reached as usize);
+    }
+
+    /// Takes over whether the operator's newest mission is the one that was sent; returns whether that was on its way and has
+    /// come to its buffer. `now_s` is the time of the window.
+    pub(super) fn follow_sending(&mut self, newest: Option<&Mission>, now_s: f64) -> bool {
         let is_newest = newest == self.sent.message.as_ref();
         let is_lost = |sent_s: f64| now_s > sent_s + ON_ITS_WAY_S;
+        let has_come = is_newest && self.is_on_its_way();
         if is_newest || self.sent.on_its_way_s.is_some_and(is_lost) {
             self.sent.on_its_way_s = None;
         }
-        let goals = self.sent.goals.as_ref();
-        let obeyed = obeyed.filter(|mission| goals.is_some_and(|goals| goals.are_of(mission)));
-        self.viewed = Viewed {
-            is_newest: is_newest || self.is_on_its_way(),
-            is_obeyed: obeyed.is_some(),
-            reached: obeyed.map_or(0, |mission| mission.reached as usize),
-        };
+        self.viewed.is_newest = is_newest || self.is_on_its_way();
+        has_come
     }
 
     /// Whether the mission was sent and has not come to its buffer yet.

@@ -60,7 +60,7 @@ fn map_from_mission(frame: &Frame, map: &str, mission: &Mission) -> Result<Pose,
 }
 
 /// The operator's newest mission.
-fn newest<'a>(frame: &'a Frame, buffer: &str) -> Option<&'a Mission> {
+pub(super) fn newest<'a>(frame: &'a Frame, buffer: &str) -> Option<&'a Mission> {
     frame.topic(buffer)?.get()
 }
 
@@ -80,7 +80,7 @@ fn bounds_of(mission: &Mission, map_from_mission: Pose) -> Bounds {
 
 /// The draft that begins with the goals that the vehicle has not reached, and with area and zones that the operator has
 /// sent. What cannot be placed on the map must not be lost, and what is drawn must be of use: the error says why not.
-fn begin(frame: &Frame, map: &str, buffer: &str) -> Result<Draft, String> {
+pub(super) fn begin(frame: &Frame, map: &str, buffer: &str) -> Result<Draft, String> {
     sending_frame(frame, map)?;
     Ok(Draft::new(sent_bounds(frame, map, buffer)?, newest(frame, buffer), obeyed(frame, map)?))
 }
@@ -131,50 +131,6 @@ fn sending_frame(frame: &Frame, map: &str) -> Result<(String, Pose), String> {
 }
 
 impl Map {
-    /// Takes the draft that the maps of the source share in this frame for the pass, and the one that was closed. While
-    /// something else is drawn or measured here, clicks are not for it.
-    pub(super) fn take_draft(&mut self, cx: &mut ViewContext<'_>, map: &str) {
-        let is_drawn = Inputs::of(cx.frame).mission.is_some() && self.example.is_none() && !self.measuring;
-        let drafts = &mut cx.selection.drafts;
-        self.draft = if is_drawn { drafts.missions.remove(map) } else { None };
-        // While one is open and hidden, that one is shown again instead.
-        let is_hidden = drafts.missions.contains_key(map);
-        self.closed = if is_hidden { None } else { drafts.closed_missions.remove(map) };
-    }
-
-    /// Ends what [`Self::take_draft`] began. One that was not taken stays.
-    pub(super) fn give_draft_back(&mut self, cx: &mut ViewContext<'_>, map: &str) {
-        let drafts = &mut cx.selection.drafts;
-        if let Some(draft) = self.draft.take() {
-            drafts.missions.entry(map.to_owned()).or_insert(draft);
-        }
-        if let Some(closed) = self.closed.take() {
-            drafts.closed_missions.insert(map.to_owned(), closed);
-        }
-    }
-
-    /// Closes the draft; or opens the one that was closed with changes that were not sent, or else one of the mission that is
-    /// obeyed, unless none can be drawn on the map.
-    pub(super) fn toggle_draft(&mut self, frame: &Frame, map: &str, buffer: &str) {
-        if self.draft.is_some() {
-            return self.close_draft();
-        }
-        let draft = self.closed.take().or_else(|| begin(frame, map, buffer).ok());
-        self.open_draft(draft);
-    }
-
-    /// Draws a mission, unless there is none, and nothing else.
-    fn open_draft(&mut self, draft: Option<Draft>) {
-        self.draft = draft;
-        self.measuring = false;
-        self.example = None;
-    }
-
-    /// Closes the draft. What was not sent is kept, to be opened again.
-    fn close_draft(&mut self) {
-        self.closed = self.draft.take().filter(|draft| !draft.is_as_sent());
-    }
-
     /// Says that the key of undo is for the mission that is drawn here, while the pointer is over the map.
     pub(super) fn offer_undo(&self, ui: &Ui, cx: &mut ViewContext<'_>, map: &str, canvas: Rect) {
         if self.draft.as_ref().is_some_and(Draft::can_undo) && ui.rect_contains_pointer(canvas) {
@@ -225,10 +181,6 @@ impl Map {
                 let now_s = ui.input(|input| input.time);
                 draft.follow(newest(cx.frame, &buffer), obeyed.map(|(mission, _)| mission), now_s);
             }
-            if draft.is_on_its_way() {
-                // What is lost is awaited for some seconds only, also where nothing else repaints.
-                ui.ctx().request_repaint_after(Duration::from_secs(1));
-            }
             // A click beside the open menu closes the menu and adds nothing.
             let adds = response.clicked() && !response.context_menu_opened();
             if let Some(pos) = response.interact_pointer_pos().filter(|_| adds) {
@@ -236,13 +188,17 @@ impl Map {
             }
             paint_draft(ui, draft, map, response, at, labels);
         }
+        let awaits = self.awaits_mission(&cx.selection.drafts);
+        if awaits {
+            // What is lost is awaited for some seconds only, also where nothing else repaints.
+            ui.ctx().request_repaint_after(Duration::from_secs(1));
+        }
         if response.secondary_clicked() {
             self.menu_at = response.interact_pointer_pos().map(on_map);
         }
         let mut choice = None;
         response.context_menu(|ui| {
             // Until a mission has come to its buffer, its zones are not known to what is sent after it.
-            let awaits = self.draft.as_ref().is_some_and(Draft::is_on_its_way);
             let on_its_way = awaits.then(|| "the mission that was sent is on its way".to_owned());
             let refused = on_its_way.or_else(|| refusal(cx.frame, map, &buffer));
             choice = self.mission_menu(ui, refused.as_deref(), 1.0 / at.viewport.scale);
@@ -392,7 +348,7 @@ fn send(
     let mission = Mission { timestamp, ..draft.message(frame_id, frame_from_map) };
     let message = AnyMessage::new(mission.clone());
     cx.controls.push(Control::Write { buffer: buffer.to_owned(), message });
-    cx.selection.drafts.missions.values_mut().for_each(Draft::forget_sending);
+    cx.selection.drafts.all_missions_mut().for_each(Draft::forget_sending);
     mission
 }
 

@@ -24,6 +24,7 @@ mod picture;
 mod plan;
 mod preview;
 mod robot;
+mod shared_draft;
 mod toolbar;
 mod track;
 mod training;
@@ -119,7 +120,7 @@ pub(crate) struct Map {
     zoom_to: Option<String>,
     /// A mission that is being drawn, during a pass: it belongs to the source ([`crate::view::Drafts`]).
     draft: Option<draft::Draft>,
-    /// The mission that was closed last, if it had changes that were not sent; also during a pass.
+    /// The mission that was closed last, if it had changes that were not sent or is on its way; also during a pass.
     closed: Option<draft::Draft>,
     /// Whether a point of it is being dragged on this map.
     drags: bool,
@@ -196,7 +197,7 @@ impl View for Map {
         };
         self.look_in(map);
         self.take_example(cx, map);
-        self.take_draft(cx, map);
+        self.take_draft(ui, cx, map);
         self.fused = layers.iter().any(Layer::is_map);
         self.follow_preview(cx.selection.preview.get().filter(|preview| preview::holds(preview, cx.frame)));
         self.tracks.update(cx.frame, map, &layers, self.saved.align);

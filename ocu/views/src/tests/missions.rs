@@ -6,7 +6,7 @@ use crate::samples;
 use egui::PointerButton::{Primary, Secondary};
 use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use ocu_ui::icons;
 
 fn middle(map: &Harness<'static, Shown>) -> Pos2 {
@@ -87,6 +87,23 @@ fn a_mission_that_was_closed_with_changes_is_opened_again_until_another_one_is_c
     press(&mut map, "Close");
     press(&mut map, "Draw a mission");
     assert!(says(&map, as_sent));
+}
+
+#[test]
+fn a_mission_that_was_closed_on_its_way_is_awaited_and_is_opened_again_where_it_is_lost() {
+    let mut map = with_a_goal_drawn();
+    press(&mut map, "Send");
+    press(&mut map, "Close");
+    let at = middle(&map);
+    click(&mut map, at, Secondary);
+    let is_refused =
+        |map: &Harness<'_, Shown>| map.get_by_label_contains("Drive here").accesskit_node().is_disabled();
+    assert!(is_refused(&map), "the zones that were sent are not known yet");
+    // Passes are a quarter of a second apart.
+    map.run_steps(24);
+    assert!(!is_refused(&map), "it counts as lost");
+    press(&mut map, "Draw a mission");
+    assert!(says(&map, "2 goals, 0 keep-out zones: not sent"));
 }
 
 #[test]

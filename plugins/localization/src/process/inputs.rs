@@ -2,7 +2,6 @@
 //! of slip, and the global position from fixes.
 
 use super::Localization;
-use super::before::Before;
 use super::clocks::{ENCODERS, INERTIAL};
 use crate::attitude::{Attitude, AttitudeSettings};
 use crate::compass::{compass_rad, start_heading};
@@ -30,6 +29,14 @@ const SLIP_TIMEOUT_S: f64 = 0.25;
 /// Largest variance of a fix that says anything, m². Some receivers state the largest number for an unknown one.
 const WIDEST_M2: f64 = 1e8;
 
+/// Time for which nothing may have followed the vehicle before `INIT`, s: so long it moves by no more than its position is off
+/// anyway.
+const MOST_MISSED_S: f64 = 1.0;
+/// Standard deviation of a motion that nothing has followed for longer, m, as of a vehicle that was driven by hand while this
+/// process had failed: without fixes, a vehicle whose position is known no better stands (`max_error_m` of
+/// `waypoint_generator`).
+const MOVED_M: f64 = 5.0;
+
 const REPEATED: &str = "it has the time of the reading before";
 
 impl Localization {
@@ -54,17 +61,17 @@ impl Localization {
         self.take_time(INERTIAL, time, cx);
         let slips = self.slipping_mps(time).is_some();
         let has_compass = params.compass_time_s > 0.0;
-        let is_asked = has_compass || self.felt.is_none() || self.awaits_compass;
+        let was_lost = self.was_lost(time);
+        let is_asked = has_compass || self.felt.is_none() || self.awaits_compass || was_lost;
         let compass_rad = if is_asked { self.compass_rad(imu, cx) } else { None };
         // Estimates that began without inertial sensors, or without their heading, begin again, unless the vehicle has moved
         // since.
         let begins = self.felt.is_none() || (self.awaits_compass && compass_rad.is_some());
         let is_first = begins && self.wheels.is_none_or(|wheels| !wheels.has_moved());
-        let Some(attitude) = self.attitude.as_mut().filter(|_| !is_first) else {
-            let unstated_rad = self.unstated_heading_rad(params);
-            let (yaw_rad, variance) = start_heading(imu, compass_rad, unstated_rad, params);
-            let before = self.attitude.take().filter(|_| self.awaits_compass);
-            self.begin(force, yaw_rad, variance, time);
+        let Some(attitude) = self.attitude.as_mut().filter(|_| !is_first && !was_lost) else {
+            let before = self.attitude.filter(|_| self.awaits_compass || was_lost);
+            let heading = start_heading(imu, compass_rad, self.unstated_heading_rad(params), params);
+            self.begin(force, heading, if was_lost { MOVED_M } else { 0.0 }, params);
             if let Some((attitude, before)) = self.attitude.as_mut().zip(before) {
                 attitude.keep_bias(&before);
             }
@@ -112,21 +119,41 @@ impl Localization {
         }
     }
 
-    /// Heading of a vehicle whose sensors state none, rad: the one before `INIT`, or that of the parameters.
-    fn unstated_heading_rad(&self, params: &LocalizationParams) -> f64 {
-        self.before.as_ref().map_or_else(|| params.start_heading_deg.to_radians(), Before::yaw_rad)
+    /// Whether nothing followed the vehicle for too long before this time, that of the first reading since `INIT`. A time far
+    /// before is of another clock.
+    fn was_lost(&mut self, time: Stamp) -> bool {
+        let missed_s = self.followed_until.take().map_or(0.0, |until| time.seconds_since(until));
+        missed_s.abs() > MOST_MISSED_S
     }
 
-    /// Begins the estimates with a reading of this time: with this heading, rad, and its variance, rad², or as they were
-    /// before `INIT`.
-    fn begin(&mut self, force_mps2: DVec3, yaw_rad: f64, yaw_variance: f64, time: Stamp) {
-        let (local, global) = match &mut self.before {
-            Some(before) => before.go_on(yaw_rad, yaw_variance, time),
-            // In its own frame the starting position is known exactly.
-            None => (Planar::new(DVec2::ZERO, yaw_rad, 0.0, 0.0), GlobalEstimate::new(yaw_rad, yaw_variance)),
-        };
-        self.attitude = Some(Attitude::at_rest(force_mps2, local.yaw_rad));
-        (self.local, self.global) = (Some(local), global);
+    /// Heading of a vehicle whose sensors state none, rad: the one before `INIT`, or that of the parameters.
+    fn unstated_heading_rad(&self, params: &LocalizationParams) -> f64 {
+        let before = self.local.filter(|_| self.goes_on);
+        before.map_or_else(|| params.start_heading_deg.to_radians(), |local| local.yaw_rad)
+    }
+
+    /// Begins the estimates with a heading and its variance, rad and rad². Those of before `INIT` stay where they are, and turn
+    /// to that heading; the vehicle may have moved since by a distance with this standard deviation, m.
+    fn begin(
+        &mut self,
+        force_mps2: DVec3,
+        (yaw_rad, yaw_variance): (f64, f64),
+        moved_m: f64,
+        params: &LocalizationParams,
+    ) {
+        match &mut self.local {
+            Some(local) if self.goes_on => {
+                self.global.lose(moved_m, wrap_angle(yaw_rad - local.yaw_rad), yaw_variance);
+                local.yaw_rad = yaw_rad;
+            }
+            _ => {
+                // In its own frame the starting position is known exactly.
+                self.local = Some(Planar::new(DVec2::ZERO, yaw_rad, 0.0, 0.0));
+                self.global = GlobalEstimate::new(yaw_rad, yaw_variance);
+            }
+        }
+        self.attitude = Some(Attitude::at_rest(force_mps2, yaw_rad));
+        self.start_heading_deg = params.start_heading_deg;
     }
 
     /// Notes whether the wheels slip, and how fast the vehicle moves then.
@@ -187,15 +214,18 @@ impl Localization {
         };
         let Rolled { rolled_m: wheels_m, elapsed_s } = wheels.roll(SensorTime::of(encoders), distance_m)?;
         let has_gyro = self.felt.is_some_and(|felt| time.seconds_since(felt) < params.input_timeout_s);
+        // Inertial sensors may be about to report the heading.
+        let (since, deviation) = (wheels.since, params.start_heading_noise_deg.to_radians());
+        let waits = time.seconds_since(since) < params.input_timeout_s;
         if self.attitude.is_none() {
-            if time.seconds_since(wheels.since) < params.input_timeout_s {
-                // Inertial sensors may be about to report the heading.
+            if waits {
                 return Ok(None);
             }
             // A vehicle without inertial sensors is assumed level, and turns as its wheels report.
-            let deviation = params.start_heading_noise_deg.to_radians();
-            let yaw_rad = self.unstated_heading_rad(params);
-            self.begin(DVec3::Z, yaw_rad, deviation * deviation, time);
+            let heading = (self.unstated_heading_rad(params), deviation * deviation);
+            self.begin(DVec3::Z, heading, 0.0, params);
+        } else if !waits && self.was_lost(since) {
+            self.global.lose(MOVED_M, 0.0, deviation * deviation);
         }
         let rolled_m = 0.5 * (wheels_m[0] + wheels_m[1]);
         let seen_share = self.grip.share(time, rolled_m);

@@ -20,6 +20,12 @@ fn saved_at(bench: &Bench, at: DVec2, local_frame: DVec2) -> u8 {
     Rectangle::of_memory(&saved, &origin).unwrap().at(at + local_frame)
 }
 
+/// States where the local frame lies in the global one from now on, m.
+fn place(bench: &mut Bench, local_frame: DVec2) {
+    let now = Stamp(bench.now_ms * 1_000_000 + 1);
+    locate(bench, now, local_frame);
+}
+
 #[test]
 fn a_remembered_map_that_leaves_no_way_is_saved_all_the_same_and_used_again_with_another_goal() {
     let mut bench = start(&first_run());
@@ -42,6 +48,12 @@ fn a_remembered_map_that_leaves_no_way_is_saved_all_the_same_and_used_again_with
         bench.write("/operator/plan", plan(state, goal_x_m));
         look(&mut bench, here, 2.5, ground_truth, 40);
         assert_eq!(text(&bench), dropped);
+    }
+    // Nor does a jump of the fixes.
+    for local_frame in [LOCAL_FRAME + DVec2::new(20.0, 0.0), LOCAL_FRAME] {
+        place(&mut bench, local_frame);
+        look(&mut bench, here, 2.5, ground_truth, 40);
+        assert!(text(&bench).starts_with(dropped), "{}", text(&bench));
     }
     bench.write("/operator/plan", plan(PlanState::PlanPath, 60.0));
     look(&mut bench, here, 2.5, ground_truth, 40);
@@ -67,10 +79,6 @@ fn what_was_seen_before_init_is_saved_after_it() {
 #[test]
 fn while_the_fixes_have_jumped_the_map_is_not_saved_until_they_are_back_or_the_vehicle_has_driven_on() {
     let mut bench = start("");
-    let place = |bench: &mut Bench, at: DVec2| {
-        let now = Stamp(bench.now_ms * 1_000_000 + 1);
-        locate(bench, now, at);
-    };
     let (jumped, saves) = (LOCAL_FRAME + DVec2::new(20.0, 0.0), "nothing is remembered; saves the map");
     let held = "nothing is remembered; the map is not saved: \
         the local frame has jumped by 20.0 m in the global one";
@@ -95,4 +103,18 @@ fn while_the_fixes_have_jumped_the_map_is_not_saved_until_they_are_back_or_the_v
     bench.cycles(50, 640);
     look(&mut bench, ahead, 4.0, ground_truth, 20);
     assert_eq!((text(&bench).as_str(), saved_at(&bench, DVec2::new(1.0, 1.0), jumped)), (saves, 0));
+}
+
+#[test]
+fn after_clear_nothing_of_before_is_saved_also_while_the_fixes_have_jumped() {
+    let mut bench = start("");
+    let (end, jumped) = (DVec2::new(0.0, 20.0), LOCAL_FRAME + DVec2::new(20.0, 0.0));
+    look(&mut bench, DVec2::ZERO, 4.0, ground_truth, 40);
+    go(&mut bench, DVec2::ZERO, end);
+    place(&mut bench, jumped);
+    look(&mut bench, end, 0.5, |_| 0, 20);
+    order(&mut bench, "memory", "CLEAR");
+    look(&mut bench, end, 0.5, |_| 0, 20);
+    let at = |y: f64| saved_at(&bench, DVec2::new(0.1, y), jumped);
+    assert_eq!((at(1.0), at(20.1)), (255, 0), "where it began, and where it is now");
 }

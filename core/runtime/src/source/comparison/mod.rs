@@ -167,7 +167,13 @@ impl Comparing {
 
     /// The moment of `frame` in the other recording; `None` while it is not compared, or not open yet.
     pub(super) fn other_frame(&mut self, frame: &Frame) -> Option<Arc<Frame>> {
+        self.find_other();
         self.other.frame(frame)
+    }
+
+    /// Shows the other recording once a comparing thread has opened it, and no longer than it is compared.
+    fn find_other(&mut self) {
+        self.other.set(self.pairs.iter().find_map(|pair| lock(&pair.told).other.clone()));
     }
 
     /// Name of the other recording.
@@ -256,7 +262,7 @@ impl Comparing {
     /// The same as background work, with the reading of the other recording: waits a little while other threads compare.
     pub(super) fn idle(&mut self, session: Option<&Session>) -> bool {
         let is_busy = self.feed(session);
-        self.other.set(self.pairs.iter().find_map(|pair| lock(&pair.told).other.clone()));
+        self.find_other();
         let reads = self.other.idle();
         if is_busy && !reads {
             std::thread::sleep(WAIT);

@@ -1,13 +1,20 @@
 //! The viewed moment in the other recording, so that the maps of both sides can be shown.
 
-use crate::source::entities::is_scene_type;
 use crate::source::frame::{Frame, Runs, Topic};
 use crate::source::log_view::LogView;
+use crate::source::tracks::{is_pose_type, is_transform_type};
 use rcs_log::{Log, MessagePosition};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The other recording, once the thread that compares it has opened it.
+/// Types of what is compared on a map, besides tracks.
+const MAP_TYPES: [&str; 3] = ["foxglove.Grid", "foxglove.PosesInFrame", "rcs.Plan"];
+
+fn is_map_type(name: &str) -> bool {
+    MAP_TYPES.contains(&name) || is_pose_type(name) || is_transform_type(name)
+}
+
+/// The other recording, once the thread that compares it has opened it: maps, paths, poses and transforms, no others of its
+/// topics.
 #[derive(Default)]
 pub(super) struct OtherView(Option<LogView>);
 
@@ -17,7 +24,7 @@ impl OtherView {
         match log {
             None => self.0 = None,
             Some(log) => {
-                self.0.get_or_insert_with(|| LogView::new(&log, &BTreeMap::new()));
+                self.0.get_or_insert_with(|| LogView::of_types(&log, is_map_type));
             }
         }
     }
@@ -33,9 +40,7 @@ impl OtherView {
         let view = self.0.as_mut()?;
         let now = frame.now.min(view.log().info().end);
         view.go_to(MessagePosition::after(now)).ok()?;
-        // Entities of a scene are not compared.
-        let topics = view.topics.iter().filter(|topic| !is_scene_type(topic.type_name()));
-        let topics: Arc<[Topic]> = topics.cloned().collect();
+        let topics: Arc<[Topic]> = view.topics.clone().into();
         topics.iter().for_each(Topic::convert_ahead);
         Some(Arc::new(Frame {
             now,
@@ -48,5 +53,33 @@ impl OtherView {
             is_beside: true,
             ..frame.clone()
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::{AnyMessage, Stamp, foxglove, schema_of};
+
+    #[test]
+    fn of_the_other_recording_nothing_is_read_that_a_map_does_not_compare() {
+        let (pose, scene) = (foxglove::PoseInFrame::default(), foxglove::SceneUpdate::default());
+        let schemas = [
+            ("/pose", schema_of::<foxglove::PoseInFrame>()),
+            ("/scene", schema_of::<foxglove::SceneUpdate>()),
+        ];
+        let messages = [("/scene", AnyMessage::new(scene)), ("/pose", AnyMessage::new(pose))];
+        let messages = || messages.iter().map(|(topic, message)| (Stamp(5), *topic, message));
+        let both = rcs_testkit::logs::hand_made(&schemas, messages());
+        let scene = rcs_testkit::logs::hand_made(&schemas[1..], messages().take(1));
+        let mut other = OtherView::default();
+        other.set(Some(scene));
+        assert!(!other.idle(), "nothing is read in the background");
+        other.set(None);
+        other.set(Some(both));
+        let frame = other.frame(&Frame::empty(Arc::default(), Stamp(5))).unwrap();
+        let topics: Vec<_> =
+            frame.topics.iter().map(|topic| (&*topic.name, topic.latest.is_some())).collect();
+        assert_eq!(topics, [("/pose", true)]);
     }
 }
