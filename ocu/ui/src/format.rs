@@ -20,7 +20,7 @@ pub fn elapsed(seconds: f64) -> String {
     format!("{sign}{:02}:{:02}:{:02}.{:03}", ms / 3_600_000, ms / 60_000 % 60, ms / 1000 % 60, ms % 1000)
 }
 
-/// An age: `0.2 s`, `12 s`, `3 min`, `2 h`, `5 d`.
+/// An age: `0.2 s`, `12 s`, `3 min`, `2 h`, `5 d`, `54 y`.
 pub fn age(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "–".to_owned();
@@ -31,7 +31,8 @@ pub fn age(seconds: f64) -> String {
         s if s < 99.5 => format!("{s:.0} s"),
         s if s < 99.5 * 60.0 => format!("{:.0} min", s / 60.0),
         s if s < 48.0 * 3600.0 => format!("{:.0} h", s / 3600.0),
-        s => format!("{:.0} d", s / 86_400.0),
+        s if s < 999.5 * 86_400.0 => format!("{:.0} d", s / 86_400.0),
+        s => format!("{:.0} y", s / 31_557_600.0),
     };
     format!("{sign}{text}")
 }
@@ -123,8 +124,11 @@ mod tests {
 
     #[test]
     fn ages_lose_digits_as_they_lose_meaning() {
-        let ages = [0.0, 0.24, 9.94, 9.96, 61.0, 119.0, 7200.0, 400_000.0, -3.0, f64::NAN].map(age);
-        assert_eq!(ages, ["0.0 s", "0.2 s", "9.9 s", "10 s", "61 s", "2 min", "2 h", "5 d", "in 3.0 s", "–"]);
+        let ages = [0.0, 0.24, 9.94, 9.96, 61.0, 119.0, 7200.0, 400_000.0, 1.7e9, -3.0, f64::NAN].map(age);
+        assert_eq!(
+            ages,
+            ["0.0 s", "0.2 s", "9.9 s", "10 s", "61 s", "2 min", "2 h", "5 d", "54 y", "in 3.0 s", "–"]
+        );
     }
 
     #[test]

@@ -7,7 +7,7 @@
 
 use crate::series::{Shelf, Shown};
 use crate::view::{RunChoice, SavedState, View, ViewContext};
-use egui::{RichText, ScrollArea, TextEdit, Ui};
+use egui::{Align, Layout, RichText, ScrollArea, TextEdit, Ui};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_formula::{FieldRef, Formula, Over};
 use rcs_msg::{FieldPath, Stamp, rcs};
@@ -212,6 +212,10 @@ impl Conditions {
                 let response = ui.add(edit);
                 ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("New condition"));
                 let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+                if entered {
+                    // What is typed next is another condition, and no key of the window.
+                    response.request_focus();
+                }
                 if (ui.add_enabled(parsed.is_ok(), egui::Button::new("Add")).clicked() || entered)
                     && parsed.is_ok()
                 {
@@ -267,7 +271,12 @@ impl Conditions {
         let is_narrow = ui.available_width() < NARROW;
         if is_narrow {
             egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 0)).show(ui, |ui| {
-                ui.add(egui::Label::new(widgets::mono(&formula)).wrap());
+                ui.with_layout(Layout::right_to_left(Align::TOP), |ui| {
+                    removed = remove(ui, &formula);
+                    ui.with_layout(Layout::left_to_right(Align::TOP), |ui| {
+                        ui.add(egui::Label::new(widgets::mono(&formula)).wrap());
+                    });
+                });
             });
         }
         ui.horizontal(|ui| {
@@ -317,8 +326,8 @@ impl Conditions {
             }
             ui.label(RichText::new(format!("{}×", hits.times.len())).small().color(tokens.weak))
                 .on_hover_text("how often it began to hold, as far as is known");
-            removed = widgets::icon_button(ui, icons::ICON_CLOSE, &format!("Remove {formula}")).clicked();
             if !is_narrow {
+                removed = remove(ui, &formula);
                 ui.add(egui::Label::new(widgets::mono(&formula)).truncate());
             }
         });
@@ -338,6 +347,11 @@ impl Conditions {
         }
         removed
     }
+}
+
+/// A button that removes a condition; whether it was pressed.
+fn remove(ui: &mut Ui, formula: &str) -> bool {
+    widgets::icon_button(ui, icons::ICON_CLOSE, &format!("Remove {formula}")).clicked()
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@
 //! `m_per_point` is the length of a screen point on the map.
 
 use rcs_geom::{DVec3, Pose};
+use rcs_msg::Stamp;
 use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
 
 /// Radius of the disc of a goal, screen points.
@@ -107,6 +108,8 @@ struct Sent {
     drawn: Drawn,
     /// Its goals, as the vehicle states them; `None` if it has none.
     goals: Option<SentGoals>,
+    /// The greatest number of them that the vehicle had reached at a moment that was viewed.
+    reached: usize,
     /// Time of the window when it was sent, s; `None` once it has come to its buffer, or counts as lost.
     on_its_way_s: Option<f64>,
 }
@@ -156,6 +159,12 @@ pub(super) fn corner(corners: &mut Vec<[f64; 2]>, at: [f64; 2], reach_m: f64) ->
     (closes && corners.len() >= 3).then(|| std::mem::take(corners))
 }
 
+/// Whether a mission of the operator is later than another one.
+fn is_after(newest: Option<&Mission>, other: Option<&Mission>) -> bool {
+    let time = |mission: &Mission| mission.timestamp.as_ref().and_then(Stamp::from_proto);
+    newest.is_some_and(|newest| other.is_none_or(|other| time(newest) > time(other)))
+}
+
 /// Places a point of a frame on the map.
 pub(super) fn place(map_from_frame: Pose) -> impl Fn(&PlanePoint) -> [f64; 2] {
     move |at| {
@@ -179,7 +188,7 @@ impl Draft {
             goals = SentGoals::of(mission, drawn.goals.clone());
         }
         let next_id = drawn.goals.len() as u32;
-        let sent = Sent { message: newest.cloned(), drawn: drawn.clone(), goals, on_its_way_s: None };
+        let sent = Sent { message: newest.cloned(), drawn: drawn.clone(), goals, ..Sent::default() };
         let mut draft = Self { drawn, area, next_id, sent, ..Self::default() };
         draft.follow(newest, obeyed.map(|(mission, _)| mission), 0.0);
         draft
@@ -199,7 +208,13 @@ impl Draft {
         let goals = self.sent.goals.as_ref();
         let obeyed = obeyed.filter(|mission| goals.is_some_and(|goals| goals.are_of(mission)));
         self.viewed.is_obeyed = obeyed.is_some();
-        self.viewed.reached = obeyed.map_or(0, |mission| mission.reached as usize);
+        self.viewed.reached = match obeyed {
+            Some(mission) => mission.reached as usize,
+            // What was reached before another mission took its place stays reached.
+            None if is_after(newest, self.sent.message.as_ref()) => self.sent.reached,
+            None => 0,
+        };
+        self.sent.reached = self.sent.reached.max(self.viewed.reached);
     }
 
     /// Takes over whether the operator's newest mission is the one that was sent; returns whether that was on its way and has
@@ -229,7 +244,7 @@ impl Draft {
                 drawn.goals.retain(|goal| !reached.contains(goal));
             }
             self.sent.goals = SentGoals::of(mission, self.drawn.goals.clone());
-            self.viewed.reached = 0;
+            (self.sent.reached, self.viewed.reached) = (0, 0);
         }
         self.sent.message = Some(mission.clone());
         self.sent.drawn.clone_from(&self.drawn);

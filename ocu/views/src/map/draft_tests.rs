@@ -176,6 +176,22 @@ fn a_draft_that_was_replaced_states_its_goals_once() {
 }
 
 #[test]
+fn what_was_reached_stays_reached_when_another_mission_takes_the_place_of_a_draft() {
+    let at = |second: u64, mission: Mission| {
+        let timestamp = Some(Stamp(second * 1_000_000_000).to_proto());
+        Mission { timestamp, ..mission }
+    };
+    let [ours, other] = [at(1, mission(&[A, B], 0)), at(9, mission(&[[90.0, 0.0]], 0))];
+    let mut draft = Draft::new(Bounds::default(), Some(&ours), Some((&ours, Pose::IDENTITY)));
+    draft.follow(Some(&ours), Some(&mission(&[A, B], 1)), 0.0);
+    draft.click([50.0, 0.0], M_PER_POINT);
+    draft.follow(Some(&other), Some(&other), 0.0);
+    assert_eq!(goals(&draft), [B, [50.0, 0.0]]);
+    draft.follow(Some(&ours), Some(&ours), 0.0);
+    assert_eq!(goals(&draft), [A, B, [50.0, 0.0]], "at a moment before it was reached");
+}
+
+#[test]
 fn a_draft_is_as_sent_only_at_a_moment_that_has_its_message_or_awaits_it() {
     let mut draft = draft_of_nothing();
     draft.click(A, M_PER_POINT);

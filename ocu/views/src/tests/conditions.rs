@@ -13,8 +13,10 @@ fn a_formula_is_shown_whole_in_a_narrow_view() {
     let mut shown = Shown::new("conditions", samples::full());
     let condition = serde_json::json!({ "formula": formula, "stops": true });
     shown.view.load(&serde_json::json!({ "conditions": [condition] })).unwrap();
-    let mut harness = harness(shown, Vec2::new(280.0, 300.0), Theme::Dark);
+    let mut harness = harness(shown, Vec2::new(200.0, 300.0), Theme::Dark);
     harness.run();
+    let remove = harness.get_by_label(&format!("Remove {formula}")).rect();
+    assert!((0.0..=200.0).contains(&remove.right()), "{remove:?}");
     let is_whole = harness.output().shapes.iter().any(|clipped| match &clipped.shape {
         egui::Shape::Text(text) => {
             let place = clipped.shape.visual_bounding_rect();
@@ -46,4 +48,23 @@ fn a_condition_that_was_not_added_is_there_again_after_another_layout() {
     harness.run();
     assert_eq!(written(&harness).unwrap_or_default(), "");
     assert_eq!(harness.state().view.save()["conditions"][0]["formula"], formula);
+}
+
+#[test]
+fn after_a_condition_is_entered_the_next_one_can_be_typed() {
+    let shown = Shown::new("conditions", samples::full());
+    let mut harness = harness(shown, Vec2::new(600.0, 300.0), Theme::Dark);
+    harness.run();
+    harness.get_by_label("New condition").click();
+    harness.run();
+    for formula in ["/planner/status.faults > 0", "/planner/status.faults > 1"] {
+        let entry = harness.get_by_label("New condition");
+        assert!(entry.is_focused());
+        entry.type_text(formula);
+        harness.run();
+        harness.key_press(egui::Key::Enter);
+        harness.run();
+    }
+    let conditions = harness.state().view.save()["conditions"].as_array().map(Vec::len);
+    assert_eq!(conditions, Some(2));
 }
