@@ -1,17 +1,19 @@
 //! Compares two recordings: what they say of their runs, the first differences of their messages, and which of them
-//! ends first.
+//! begins later or ends first.
 //!
-//! Both are read in one pass, time by time, up to the end of the shorter one. Measured times are left out. The identity of
-//! a run (`/runtime/run`) is compared apart from the messages: it is the first message of every run, and differs where
-//! the seed, the build or a parameter does, which says nothing of what came of it.
+//! Both are read in one pass, time by time, from where both have every message up to the end of the shorter one.
+//! Recordings without a common time or buffer are not compared. Measured times are left out. The identity of a run
+//! (`/runtime/run`) is compared apart from the messages: it is the first message of every run, and differs where the seed,
+//! the build or a parameter does, which says nothing of what came of it.
 
 use crate::compare::{
     Difference, Matcher, Side, differing, differing_parts, is_compared, next_time, put_until,
     to_the_nanosecond,
 };
 use crate::stack::names;
-use rcs_log::{CursorOptions, Log, LogError, Reassembly, TopicId};
+use rcs_log::{CursorOptions, Log, LogError, LogTopic, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Stamp, rcs, registry};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// What two recordings say differently of their runs.
@@ -26,6 +28,27 @@ pub struct RunDifference {
     pub values: [String; 2],
 }
 
+/// Why the messages of two recordings cannot be compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotCompared {
+    /// None of the buffers that are compared is in both.
+    NoCommonBuffer,
+    /// At no time have both every message.
+    NoCommonTime,
+}
+
+/// The one of two recordings that begins later, or is complete only from later on, while the other one has messages
+/// before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LaterRecording {
+    /// Whether it is the first of the two.
+    pub is_first: bool,
+    /// The time from which it has every message.
+    pub start: Stamp,
+    /// The same, in seconds since the start of the first recording, to the nanosecond.
+    pub start_s: f64,
+}
+
 /// The one of two recordings that ends first, while messages of the other one follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShorterRecording {
@@ -37,8 +60,22 @@ pub struct ShorterRecording {
     pub end_s: f64,
 }
 
-/// The first message in which two recordings differ up to the end of the shorter one, except for what they say of their
-/// runs; `None` if they agree.
+/// Why the messages of two recordings cannot be compared; `None` if they can.
+pub fn not_compared(a: &Log, b: &Log) -> Option<NotCompared> {
+    let names = |log: &Log| compared_topics(log).map(|topic| topic.name.clone()).collect::<BTreeSet<_>>();
+    if names(a).is_disjoint(&names(b)) {
+        return Some(NotCompared::NoCommonBuffer);
+    }
+    (!have_common_time(a, b)).then_some(NotCompared::NoCommonTime)
+}
+
+/// Whether there is a time at which both recordings have every message.
+pub(crate) fn have_common_time(a: &Log, b: &Log) -> bool {
+    compared_from(a, b) <= a.info().end.min(b.info().end)
+}
+
+/// The first message in which two recordings differ between the later start and the end of the shorter one, except for
+/// what they say of their runs; `None` if they agree.
 pub fn diff(a: &Log, b: &Log) -> Result<Option<Difference>, LogError> {
     Ok(differences(a, b, 1)?.into_iter().next())
 }
@@ -49,12 +86,25 @@ pub fn diff_each(a: &Log, b: &Log) -> Result<Vec<Difference>, LogError> {
     differences(a, b, usize::MAX)
 }
 
+/// Which of two recordings begins later; `None` if the other one has no message before that is compared.
+pub fn diff_starts(a: &Log, b: &Log) -> Result<Option<LaterRecording>, LogError> {
+    let [first, second] = [a, b].map(complete_from);
+    if first == second {
+        return Ok(None);
+    }
+    let (is_first, start, earlier) = if first > second { (true, first, b) } else { (false, second, a) };
+    let topics: Vec<TopicId> = compared_topics(earlier).map(|topic| topic.id).collect();
+    let options = CursorOptions { topics: Some(topics), end: start.before_ns(1), ..CursorOptions::default() };
+    let is_before = earlier.cursor(options).next().transpose()?.is_some();
+    let start_s = to_the_nanosecond(start.seconds_since(a.info().start));
+    Ok(is_before.then_some(LaterRecording { is_first, start, start_s }))
+}
+
 /// Which of two recordings ends first; `None` if no message that is compared follows in the other one.
 pub fn diff_lengths(a: &Log, b: &Log) -> Result<Option<ShorterRecording>, LogError> {
     let [first, second] = [a, b].map(|log| log.info().end);
     let (is_first, end, longer) = if first < second { (true, first, b) } else { (false, second, a) };
-    let compared = longer.info().topics.iter().filter(|topic| is_compared(&topic.name));
-    let topics: Vec<TopicId> = compared.map(|topic| topic.id).collect();
+    let topics: Vec<TopicId> = compared_topics(longer).map(|topic| topic.id).collect();
     let options = CursorOptions { topics: Some(topics), start: end.after_ns(1), ..CursorOptions::default() };
     let goes_on = longer.cursor(options).next().transpose()?.is_some();
     let end_s = to_the_nanosecond(end.seconds_since(a.info().start));
@@ -85,20 +135,49 @@ pub fn diff_runs(a: &Log, b: &Log) -> Result<Vec<RunDifference>, LogError> {
     Ok(vec![RunDifference { field: field.trim_start_matches('.').to_owned(), values }])
 }
 
+/// The topics of a recording whose messages are compared.
+fn compared_topics(log: &Log) -> impl Iterator<Item = &LogTopic> {
+    log.info().topics.iter().filter(|topic| is_compared(&topic.name))
+}
+
+/// The time from which a recording has every message. The messages with which a part of a run opens have this time or
+/// earlier ones.
+fn complete_from(log: &Log) -> Stamp {
+    log.info().complete_from.unwrap_or_default().max(log.info().start)
+}
+
+/// The first time that is compared. Where only one recording is a part of a run, that is after the messages with which the
+/// part opens, because they repeat earlier ones of the other.
+fn compared_from(a: &Log, b: &Log) -> Stamp {
+    let [one, other] = [a, b].map(|log| (log.info().start, log.info().complete_from));
+    if one == other {
+        return a.info().start;
+    }
+    let after_opening = |log: &Log| match log.info().complete_from {
+        Some(from) if from >= log.info().start => from.after_ns(1),
+        _ => log.info().start,
+    };
+    after_opening(a).max(after_opening(b))
+}
+
 /// Differences until this many buffers have one.
 fn differences(a: &Log, b: &Log, most: usize) -> Result<Vec<Difference>, LogError> {
     let cursor = |log: &Log| log.cursor(CursorOptions::default()).peekable();
     let (mut ones, mut others) = (cursor(a), cursor(b));
     let mut reassembly = [a, b].map(Reassembly::new);
     let mut matcher = Matcher::new(a.info().start);
-    let end = a.info().end.min(b.info().end);
+    let (from, end) = (compared_from(a, b), a.info().end.min(b.info().end));
     let mut found = Vec::new();
     while found.len() < most {
         let next = [next_time(&mut ones)?, next_time(&mut others)?];
         let Some(time) = next.into_iter().flatten().min().filter(|time| *time <= end) else { break };
         put_until(&mut matcher, Side::First, a, &mut reassembly[0], &mut ones, time, is_compared)?;
         put_until(&mut matcher, Side::Second, b, &mut reassembly[1], &mut others, time, is_compared)?;
-        found.extend(matcher.settle_each());
+        if time < from {
+            matcher.forget();
+        } else {
+            found.extend(matcher.settle_each());
+        }
     }
     Ok(found)
 }

@@ -114,7 +114,10 @@ pub use command::{BUILT_IN, CommandDef, CommandSet, NoCommands, Obeys, Order};
 pub use compare::Difference;
 pub use conversion::{acquisition_time, states_acquisition};
 pub use cycle::{Cycle, Msg};
-pub use diff::{RunDifference, ShorterRecording, diff, diff_each, diff_lengths, diff_runs};
+pub use diff::{
+    LaterRecording, NotCompared, RunDifference, ShorterRecording, diff, diff_each, diff_lengths, diff_runs,
+    diff_starts, not_compared,
+};
 pub use error::RunError;
 pub use files::{FileTable, NamedFile};
 pub use history::{Moment, PastOptions, PastUse, RunId, RunSummary, Session};

@@ -8,7 +8,10 @@ use common::{PAIR, plan, seconds, stepped, write_log};
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, foxglove, schema_of};
 use rcs_runtime::source::{Compared, Comparison, LogSource, Source, StackSource, Task, finish_idle};
-use rcs_runtime::{PastOptions, RecordOptions, Recording, RunId, RunOptions, diff, diff_each, diff_lengths};
+use rcs_runtime::{
+    NotCompared, PastOptions, RecordOptions, Recording, RunId, RunOptions, diff, diff_each, diff_lengths,
+    diff_starts, not_compared,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -241,6 +244,42 @@ fn recordings_without_a_common_buffer_are_not_compared() {
     let problem = comparison.problem.unwrap();
     assert!(problem.contains("no buffer in common"), "{problem}");
     assert_eq!((comparison.until, comparison.left_out), (None, [1, 1]));
+    let [one, other] = [&one, &other].map(|path| rcs_log::Log::open(path).unwrap());
+    assert_eq!(not_compared(&one, &other), Some(NotCompared::NoCommonBuffer));
+}
+
+#[test]
+fn recordings_without_a_common_time_are_not_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
+    write_log(&one, &[(0.0, "/a", 1.0), (1.0, "/a", 2.0)]);
+    write_log(&other, &[(2.0, "/a", 1.0), (3.0, "/a", 2.0)]);
+    let mut source = LogSource::open(&one).unwrap();
+    source.against(std::slice::from_ref(&other));
+    let comparison = compared(&mut source, [Compared::Recorded, Compared::Other]);
+    let problem = comparison.problem.unwrap();
+    assert!(problem.contains("no common time"), "{problem}");
+    assert!(comparison.until.is_none() && comparison.differences.is_empty());
+    let [one, other] = [&one, &other].map(|path| rcs_log::Log::open(path).unwrap());
+    assert_eq!(not_compared(&one, &other), Some(NotCompared::NoCommonTime));
+    assert_eq!(not_compared(&one, &one), None);
+}
+
+#[test]
+fn two_recordings_are_compared_from_the_later_start_which_is_told_apart_from_messages_that_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, part] = ["whole", "part"].map(|name| folder.path().join(name));
+    record(&whole, None);
+    let whole = rcs_log::Log::open(&whole).unwrap();
+    let at = seconds(1.3);
+    rcs_testkit::logs::split(&whole, at, [&folder.path().join("before"), &part]).unwrap();
+    let part = rcs_log::Log::open(&part).unwrap();
+    for (one, other, is_first) in [(&whole, &part, false), (&part, &whole, true)] {
+        assert_eq!((not_compared(one, other), diff_each(one, other).unwrap()), (None, vec![]));
+        let later = diff_starts(one, other).unwrap().unwrap();
+        assert_eq!((later.is_first, later.start), (is_first, part.info().start));
+    }
+    assert_eq!(diff_starts(&part, &part).unwrap(), None);
 }
 
 #[test]

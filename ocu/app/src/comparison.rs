@@ -4,7 +4,7 @@ use crate::plain::plain;
 use crate::table::{Align, Table};
 use rcs_log::Log;
 use rcs_msg::channel::WRITER;
-use rcs_runtime::{Difference, RunDifference, ShorterRecording};
+use rcs_runtime::{Difference, LaterRecording, RunDifference, ShorterRecording};
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -15,6 +15,12 @@ pub(crate) struct Comparison {
     /// What two recordings say differently of their runs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     runs: Vec<OfRuns>,
+    /// Why the messages of two recordings are not compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    not_compared: Option<String>,
+    /// Which of two recordings begins after the other one: from there on their messages are compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    later: Option<Later>,
     /// Which of two recordings ends before the other one: up to there their messages are compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     shorter: Option<Shorter>,
@@ -30,6 +36,15 @@ pub(crate) struct Comparison {
 struct OfRuns {
     field: String,
     values: [String; 2],
+}
+
+/// The one of two recordings that begins later.
+#[derive(Debug, Serialize)]
+struct Later {
+    /// `first` or `second`.
+    recording: &'static str,
+    /// Seconds since the start of the first one.
+    start_s: f64,
 }
 
 /// The one of two recordings that ends first.
@@ -60,24 +75,42 @@ impl Comparison {
     /// A recording, and the first message in which a run that repeats it differs.
     pub(crate) fn with_recording(log: &Log, first: Option<&Difference>) -> Self {
         let first = first.map(|first| OfMessage::new(&[log], first));
-        Self { equal: first.is_none(), runs: Vec::new(), shorter: None, first, all: None }
+        let equal = first.is_none();
+        Self { equal, runs: Vec::new(), not_compared: None, later: None, shorter: None, first, all: None }
     }
 
-    /// Two recordings: what they say differently of their runs, which of them ends first, and the differences of their
-    /// messages in the order of time, of which all are told or the first one.
+    /// Two recordings whose messages are not compared for this reason, and what they say differently of their runs.
+    pub(crate) fn without_messages(runs: Vec<RunDifference>, reason: String) -> Self {
+        Self {
+            equal: false,
+            runs: OfRuns::all(runs),
+            not_compared: Some(reason),
+            later: None,
+            shorter: None,
+            first: None,
+            all: None,
+        }
+    }
+
+    /// Two recordings: what they say differently of their runs, which of them begins later or ends first, and the
+    /// differences of their messages in the order of time, of which all are told or the first one.
     pub(crate) fn of_recordings(
         logs: [&Log; 2],
         runs: Vec<RunDifference>,
+        later: Option<LaterRecording>,
         shorter: Option<ShorterRecording>,
         differences: &[Difference],
         tells_all: bool,
     ) -> Self {
         let all: Vec<OfMessage> = differences.iter().map(|found| OfMessage::new(&logs, found)).collect();
         Self {
-            equal: runs.is_empty() && shorter.is_none() && all.is_empty(),
-            runs: runs.into_iter().map(|run| OfRuns { field: run.field, values: run.values }).collect(),
+            equal: runs.is_empty() && later.is_none() && shorter.is_none() && all.is_empty(),
+            runs: OfRuns::all(runs),
+            not_compared: None,
+            later: later
+                .map(|later| Later { recording: first_or_second(later.is_first), start_s: later.start_s }),
             shorter: shorter.map(|shorter| Shorter {
-                recording: if shorter.is_first { "first" } else { "second" },
+                recording: first_or_second(shorter.is_first),
                 end_s: shorter.end_s,
             }),
             first: all.first().cloned(),
@@ -87,13 +120,14 @@ impl Comparison {
 
     /// One line about the messages.
     pub(crate) fn line(&self) -> String {
-        match &self.first {
-            None => {
+        match (&self.not_compared, &self.first) {
+            (Some(reason), _) => reason.clone(),
+            (None, None) => {
                 let equal = if self.runs.is_empty() { "equal" } else { "no message differs" };
-                let limit = self.shorter.as_ref().map(|shorter| format!(" {}", shorter.text()));
-                equal.to_owned() + &limit.unwrap_or_default()
+                let limits = self.limits().map(|limits| format!(" {limits}"));
+                equal.to_owned() + &limits.unwrap_or_default()
             }
-            Some(first) => {
+            (None, Some(first)) => {
                 let OfMessage { time_s, buffer, writer, sequence, field, detail, .. } = first;
                 let writer = if writer.is_empty() { String::new() } else { format!(" ({writer})") };
                 let text = format!("{buffer} message {sequence}{writer}, {field}: {detail}");
@@ -102,21 +136,39 @@ impl Comparison {
         }
     }
 
+    /// From when on and up to when messages are compared; `None` if both recordings begin and end together.
+    fn limits(&self) -> Option<String> {
+        let later = self.later.as_ref().map(Later::text);
+        let limits: Vec<String> = later.into_iter().chain(self.shorter.as_ref().map(Shorter::text)).collect();
+        (!limits.is_empty()).then(|| limits.join(", "))
+    }
+
     /// Writes a line for each thing that differs of the runs, and the difference of the messages, or a table of all with
-    /// the time up to which they are compared.
+    /// the times from which and up to which they are compared.
     pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         for run in &self.runs {
             writeln!(out, "{}", plain(&run.line()))?;
         }
         match &self.all {
             Some(all) if !all.is_empty() => {
-                if let Some(shorter) = &self.shorter {
-                    writeln!(out, "compared {}", shorter.text())?;
+                if let Some(limits) = self.limits() {
+                    writeln!(out, "compared {limits}")?;
                 }
                 table(all).write(out)
             }
             _ => writeln!(out, "{}", self.line()),
         }
+    }
+}
+
+fn first_or_second(is_first: bool) -> &'static str {
+    if is_first { "first" } else { "second" }
+}
+
+impl Later {
+    /// `from 2.000000 s on, where the second begins`.
+    fn text(&self) -> String {
+        format!("from {:.6} s on, where the {} begins", self.start_s, self.recording)
     }
 }
 
@@ -128,6 +180,10 @@ impl Shorter {
 }
 
 impl OfRuns {
+    fn all(runs: Vec<RunDifference>) -> Vec<Self> {
+        runs.into_iter().map(|run| Self { field: run.field, values: run.values }).collect()
+    }
+
     /// `different seeds: 0 and 1`.
     fn line(&self) -> String {
         let what = match self.field.as_str() {
@@ -229,7 +285,7 @@ mod tests {
         });
         let found: Vec<Difference> = found.into_iter().collect();
         let mut out = Vec::new();
-        let comparison = Comparison::of_recordings([&log, &log], vec![run], None, &found, tells_all);
+        let comparison = Comparison::of_recordings([&log, &log], vec![run], None, None, &found, tells_all);
         comparison.write(&mut out).unwrap();
         String::from_utf8(out).unwrap()
     }
@@ -257,12 +313,18 @@ mod tests {
         let log = Log::from_bytes(Vec::from(*b"\x89MCAP0\r\n").into()).unwrap();
         let shorter = ShorterRecording { is_first: true, end: Stamp(6_000_000_000), end_s: 6.0 };
         let run = RunDifference { field: "seed".to_owned(), values: ["0", "1"].map(str::to_owned) };
-        let of = |runs| Comparison::of_recordings([&log, &log], runs, Some(shorter), &[], false);
+        let of = |runs| Comparison::of_recordings([&log, &log], runs, None, Some(shorter), &[], false);
         let (alike, other) = (of(Vec::new()), of(vec![run]));
         assert_eq!(alike.line(), "equal up to 6.000000 s, where the first ends");
         assert_eq!(other.line(), "no message differs up to 6.000000 s, where the first ends");
         let json = serde_json::to_value(&alike).unwrap();
         let expected = serde_json::json!({"recording": "first", "end_s": 6.0});
         assert_eq!((&json["equal"], &json["shorter"]), (&false.into(), &expected));
+        let later = LaterRecording { is_first: false, start: Stamp(2_000_000_000), start_s: 2.0 };
+        let both =
+            Comparison::of_recordings([&log, &log], Vec::new(), Some(later), Some(shorter), &[], false);
+        let expected =
+            "equal from 2.000000 s on, where the second begins, up to 6.000000 s, where the first ends";
+        assert_eq!(both.line(), expected);
     }
 }

@@ -7,11 +7,12 @@ use std::path::PathBuf;
 /// `ocu diff`
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --all\n\n\
-                        Messages are compared by buffer and number, up to the end of the shorter recording; measured \
-                         time is left out. What the recordings say of their runs (stack, parameters, seed, build) is \
+                        Messages are compared by buffer and number, from where both recordings are complete up to the \
+                         end of the shorter one; measured time is left out. Recordings without a common time or buffer \
+                         are not compared. What the recordings say of their runs (stack, parameters, seed, build) is \
                          told first. Recordings of the journal alone are refused. Exit codes: 0 the recordings agree, \
-                         1 they differ or one is shorter, 2 one cannot be opened, 3 they agree as far as they can be \
-                         read, but one is damaged.")]
+                         1 they differ, one begins later or is shorter, or they are not compared, 2 one cannot be \
+                         opened, 3 they agree as far as they can be read, but one is damaged.")]
 pub struct DiffArgs {
     /// Recording; of one that was split, the folder or the first file
     pub first: PathBuf,

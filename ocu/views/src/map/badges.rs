@@ -12,7 +12,8 @@ use rcs_runtime::source::Frame;
 
 impl Map {
     /// Shows the number of implausible points in the visible layers, which are left out of the fitted region, and that a
-    /// map is shown as it would be with the weights that are being edited.
+    /// map is shown as it would be with the weights that are being edited. Returns how far the note about the preview
+    /// reaches down, from the upper edge of the canvas, screen points; 0 without one.
     pub(super) fn badges(
         &self,
         ui: &Ui,
@@ -21,7 +22,7 @@ impl Map {
         shown: &[&Layer<'_>],
         viewport: Viewport,
         canvas: Rect,
-    ) {
+    ) -> f32 {
         let mut counts = Vec::new();
         for layer in shown {
             let pose = layers::map_from_layer(frame, map, layer);
@@ -50,13 +51,14 @@ impl Map {
             };
             counts.push((far, layer.name.as_str()));
         }
-        let mut down = badge::DOWN;
+        let mut preview_down = 0.0;
         if let Some(text) = self.preview_text(shown) {
             let scale_bar = legend::scale_bar_place(ui, paint::scale_bar_at(canvas), viewport.scale);
             let plate = paint::badge(ui, canvas, scale_bar, icons::ICON_TUNE, &text);
-            down = down.max(plate.bottom() + 4.0 - canvas.top());
+            preview_down = plate.bottom() - canvas.top();
         }
-        badge::implausible(ui, canvas, down, "places", counts);
+        badge::implausible(ui, canvas, badge::DOWN.max(preview_down + 4.0), "places", counts);
+        preview_down
     }
 
     /// Which maps are shown with other weights than those with which they were fused; `None` for none.
@@ -77,6 +79,7 @@ mod tests {
     use egui::Vec2;
     use egui_kittest::Harness;
     use rcs_msg::foxglove::{Grid, Vector2};
+    use rcs_msg::rcs::{ProcessInfo, SpeedLimit};
     use rcs_world::{Source, Weights};
 
     /// A preview of the map of `wm1` in which stereo, its only source, has no weight.
@@ -149,5 +152,52 @@ mod tests {
             middle.map(|(x, y)| *image.get_pixel(x, y)).collect::<Vec<_>>()
         };
         assert!(picture(true) == picture(false));
+    }
+
+    #[test]
+    fn a_read_out_lies_below_the_note_about_a_preview_in_a_narrow_map() {
+        // The parameters of the preview are in force.
+        let params = samples::topic("/tuned/params", 0.0, 1.0, SpeedLimit { max_speed_mps: 1.0 });
+        let process = ProcessInfo {
+            name: "wm1".to_owned(),
+            params_buffer: "/tuned/params".to_owned(),
+            ..ProcessInfo::default()
+        };
+        let mut frame = samples::driving();
+        frame.topics = frame.topics.iter().cloned().chain([params]).collect();
+        frame.processes = std::sync::Arc::new([process]);
+        let mut edited = preview();
+        edited.preview.stage = PreviewStage::InForce;
+        let mut selection = Selection::default();
+        selection.preview.set(&std::sync::Arc::new(()), edited.preview.clone());
+        selection.preview.turn();
+        let mut map = Map { preview: Some(edited), ..Map::default() };
+        let viewport = Viewport { center: [0.0; 2], scale: 11.0, y_up: true, turned_rad: 0.0 };
+        (map.saved.viewport, map.saved.panel) = (Some(viewport), Some(false));
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(540.0, 520.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui_state(
+                |ui, (map, frame, selection): &mut (Map, Frame, Selection)| {
+                    let (mut controls, mut wishes) = (Vec::new(), Vec::new());
+                    let (controls, wishes) = (&mut controls, &mut wishes);
+                    map.ui(ui, &mut ViewContext { frame, controls, selection, wishes });
+                },
+                (map, frame, selection),
+            );
+        // The first pass fits the map to its source.
+        harness.run_steps(1);
+        // The place that is read lies in the lower half.
+        harness.state_mut().0.kept = Some([0.0, -10.0]);
+        harness.run_steps(3);
+        let note = harness.output().shapes.iter().find_map(|painted| match &painted.shape {
+            egui::Shape::Text(text) if text.galley.text().contains("in force from the next map") => {
+                assert!(text.galley.rows.len() > 1, "it has several lines");
+                Some(text.galley.rect.translate(text.pos.to_vec2()))
+            }
+            _ => None,
+        });
+        let (note, read_out) = (note.unwrap(), harness.state().0.kept_plate.unwrap());
+        assert!(!note.intersects(read_out), "{note} {read_out}");
     }
 }

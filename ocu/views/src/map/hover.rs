@@ -91,7 +91,8 @@ impl Map {
     }
 
     /// The panel in the corner: where the pointer is, and what the cell there holds. A click keeps the panel at its
-    /// place; then each source leads to the message that made the cell.
+    /// place; then each source leads to the message that made the cell. `preview_down` is how far the note about a
+    /// preview reaches down, from the upper edge of the map, screen points.
     #[expect(clippy::too_many_arguments, reason = "what is read, and where that is on the screen")]
     pub(super) fn read_out(
         &mut self,
@@ -102,6 +103,7 @@ impl Map {
         pointer: Option<[f64; 2]>,
         viewport: Viewport,
         canvas: Rect,
+        preview_down: f32,
     ) {
         let Some(position) = self.kept.or(pointer) else { return };
         // Who draws looks at what is drawn, not at numbers that lie over it.
@@ -111,7 +113,7 @@ impl Map {
         let (corner, place) = if draws {
             (Align2::RIGHT_BOTTOM, canvas)
         } else {
-            corner_for(canvas, at, self.read_out_size, self.legend)
+            corner_for(canvas, at, self.read_out_size, self.legend, BELOW_SCALE.max(preview_down))
         };
         let clip = ui.clip_rect();
         ui.set_clip_rect(clip.intersect(canvas));
@@ -227,17 +229,18 @@ fn room_at(ui: &Ui, place: Rect, canvas: Rect) -> Room {
     }
 }
 
-/// The corner for a read-out that was of this size, and the part of the canvas in which it lies there, below the scale bar.
-/// It lies neither over the place that it tells of nor over the legend; where no corner is free of both, it may lie over the
-/// legend. Corners in the other half of the map are tried first.
-fn corner_for(canvas: Rect, at: Pos2, size: Vec2, legend: Option<Rect>) -> (Align2, Rect) {
+/// The corner for a read-out that was of this size, and the part of the canvas in which it lies there: at the top `down`
+/// below the upper edge, where scale bar and note end, screen points. It lies neither over the place that it tells of nor
+/// over the legend; where no corner is free of both, it may lie over the legend. Corners in the other half of the map are
+/// tried first.
+fn corner_for(canvas: Rect, at: Pos2, size: Vec2, legend: Option<Rect>, down: f32) -> (Align2, Rect) {
     let top = [Align2::RIGHT_TOP, Align2::LEFT_TOP];
     let bottom = [Align2::RIGHT_BOTTOM, Align2::LEFT_BOTTOM];
     let corners = if at.y > canvas.center().y { [top, bottom] } else { [bottom, top] };
     let placed = corners.as_flattened().iter().map(|corner| {
-        let is_below_scale = corner.y() == Align::Min && canvas.height() >= LOW;
-        let below = if is_below_scale { BELOW_SCALE } else { 0.0 };
-        let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, below), canvas.max);
+        let is_below = corner.y() == Align::Min && canvas.height() >= LOW;
+        let down = if is_below { down.min(canvas.height() / 2.0) } else { 0.0 };
+        let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, down), canvas.max);
         let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
         let covers = plate.expand(AWAY).contains(at);
         let covers_legend = legend.is_some_and(|legend| legend.intersects(plate));
@@ -319,7 +322,7 @@ mod tests {
             [[150.0, 60.0], [690.0, 60.0], [690.0, 240.0], [690.0, 260.0], [110.0, 440.0], [690.0, 440.0]]
         {
             let at = Pos2::from(at);
-            let (corner, place) = corner_for(canvas, at, size, None);
+            let (corner, place) = corner_for(canvas, at, size, None, BELOW_SCALE);
             let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
             assert!(canvas.contains_rect(plate) && !plate.contains(at), "{at}: {plate}");
         }
@@ -331,11 +334,11 @@ mod tests {
         let legend = Rect::from_min_max(Pos2::new(108.0, 402.0), Pos2::new(350.0, 442.0));
         let size = Vec2::new(280.0, 250.0);
         let at = Pos2::new(690.0, 240.0);
-        let (corner, place) = corner_for(canvas, at, size, Some(legend));
+        let (corner, place) = corner_for(canvas, at, size, Some(legend), BELOW_SCALE);
         let plate = corner.align_size_within_rect(size, place.shrink(MARGIN));
         assert!(!plate.contains(at) && !plate.intersects(legend), "{plate}");
         // A plate that is as high as the map lies over the legend rather than over the cell.
         let high = Vec2::new(280.0, 380.0);
-        assert_eq!(corner_for(canvas, at, high, Some(legend)).0, Align2::LEFT_BOTTOM);
+        assert_eq!(corner_for(canvas, at, high, Some(legend), BELOW_SCALE).0, Align2::LEFT_BOTTOM);
     }
 }

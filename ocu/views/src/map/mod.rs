@@ -350,7 +350,7 @@ impl Map {
             paint::robot(ui, robot, viewport, canvas, &mut labels);
         }
         paint::metre_numbers(ui, canvas, numbers);
-        self.badges(ui, cx.frame, map, &shown, viewport, canvas);
+        let preview_down = self.badges(ui, cx.frame, map, &shown, viewport, canvas);
         self.paint_measured(ui, viewport, canvas, &mut labels);
         let at = plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas };
         self.draw_mission(ui, cx, map, &response, at, &mut labels);
@@ -369,7 +369,7 @@ impl Map {
             if has_legend { self.legend(ui, cx.frame, layers, &shown, canvas, listed) } else { None };
         let pointer = response.hover_pos().filter(|_| !response.context_menu_opened());
         let pointer = pointer.map(|at| viewport.to_plane(canvas, at));
-        self.read_out(ui, cx, map, &shown, pointer, viewport, canvas);
+        self.read_out(ui, cx, map, &shown, pointer, viewport, canvas, preview_down);
     }
 
     /// Where the map looks in this pass: at what was chosen or at everything, after the vehicle, turned and moved.

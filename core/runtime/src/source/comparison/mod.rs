@@ -7,7 +7,8 @@
 //! The buffers that differ by their nature are left out: measured times, and the identity of the run. So are those that
 //! a log feeds, and those that only one side has. A run and a recording are compared from what the run writes before its
 //! first event up to the end of the recording, and without the descriptions of their processes, because a run may repeat
-//! a part of the recorded stack. Two recordings are compared up to the end of the shorter one.
+//! a part of the recorded stack. Two recordings are compared up to the end of the shorter one, if they have
+//! a common time.
 
 mod other;
 mod side;

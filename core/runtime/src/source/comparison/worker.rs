@@ -3,6 +3,7 @@
 use super::side::{Input, Reading, Step};
 use super::{SharedTold, lock};
 use crate::compare::{Difference, Entry, Matcher, Side};
+use crate::diff::have_common_time;
 use crate::stack::{Plan, names};
 use rcs_msg::Stamp;
 use std::collections::BTreeSet;
@@ -62,6 +63,10 @@ impl Work {
             let thinned = planned.filter(|buffer| reading.is_recording() && buffer.record_hz.is_some());
             thinned.for_each(|buffer| matcher.thin(side, &buffer.spec.name));
         }
+        let have_common_time = match [sides[0].log(), sides[1].log()] {
+            [Some(one), Some(other)] => have_common_time(one, other),
+            _ => true,
+        };
         let begins = sides.iter().filter_map(Reading::begins).max();
         let mut joint = Joint {
             sides,
@@ -78,6 +83,9 @@ impl Work {
         drop(now);
         if joint.wanted.is_empty() {
             return Err("the two have no buffer in common".to_owned());
+        }
+        if !have_common_time {
+            return Err("the two have no common time".to_owned());
         }
         joint.run(told);
         Ok(())
