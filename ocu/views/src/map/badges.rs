@@ -87,6 +87,19 @@ mod tests {
         Edited::of_wm1(Weights::default().with(Source::STEREO, 0.0), Weights::default())
     }
 
+    /// A window of this size, screen points, with a map.
+    fn harness(size: Vec2, shown: (Map, Frame, Selection)) -> Harness<'static, (Map, Frame, Selection)> {
+        let builder = Harness::builder().with_size(size).with_context_setup(ocu_ui::install);
+        builder.build_ui_state(
+            |ui, (map, frame, selection): &mut (Map, Frame, Selection)| {
+                let (mut controls, mut wishes) = (Vec::new(), Vec::new());
+                let (controls, wishes) = (&mut controls, &mut wishes);
+                map.ui(ui, &mut ViewContext { frame, controls, selection, wishes });
+            },
+            shown,
+        )
+    }
+
     /// A drive with another grid, with cells of this side, on a part of the map of `wm1`.
     fn with_grid(cell_m: f64) -> Frame {
         let mut frame = samples::driving();
@@ -133,17 +146,7 @@ mod tests {
             let mut map = Map { preview: Some(edited), ..Map::default() };
             let other = LayerState { shown: is_shown, ..LayerState::default() };
             map.saved.layers.insert("/other".to_owned(), other);
-            let mut harness = Harness::builder()
-                .with_size(Vec2::new(500.0, 400.0))
-                .with_context_setup(ocu_ui::install)
-                .build_ui_state(
-                    |ui, (map, frame, selection): &mut (Map, Frame, Selection)| {
-                        let (mut controls, mut wishes) = (Vec::new(), Vec::new());
-                        let (controls, wishes) = (&mut controls, &mut wishes);
-                        map.ui(ui, &mut ViewContext { frame, controls, selection, wishes });
-                    },
-                    (map, with_grid(0.4), selection),
-                );
+            let mut harness = harness(Vec2::new(500.0, 400.0), (map, with_grid(0.4), selection));
             harness.run_steps(3);
             assert!(harness.state().0.preview.is_some());
             // The part of the map on which the other grid lies.
@@ -174,17 +177,7 @@ mod tests {
         let mut map = Map { preview: Some(edited), ..Map::default() };
         let viewport = Viewport { center: [0.0; 2], scale: 11.0, y_up: true, turned_rad: 0.0 };
         (map.saved.viewport, map.saved.panel) = (Some(viewport), Some(false));
-        let mut harness = Harness::builder()
-            .with_size(Vec2::new(540.0, 520.0))
-            .with_context_setup(ocu_ui::install)
-            .build_ui_state(
-                |ui, (map, frame, selection): &mut (Map, Frame, Selection)| {
-                    let (mut controls, mut wishes) = (Vec::new(), Vec::new());
-                    let (controls, wishes) = (&mut controls, &mut wishes);
-                    map.ui(ui, &mut ViewContext { frame, controls, selection, wishes });
-                },
-                (map, frame, selection),
-            );
+        let mut harness = harness(Vec2::new(540.0, 520.0), (map, frame, selection));
         // The first pass fits the map to its source.
         harness.run_steps(1);
         // The place that is read lies in the lower half.
