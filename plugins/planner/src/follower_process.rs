@@ -11,7 +11,7 @@ use crate::motion::{
 };
 use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
 use crate::settings::{check_costs, rules_of};
-use crate::signals::Watch;
+use crate::signals::{Closed, Watch};
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
@@ -32,6 +32,8 @@ pub struct WaypointFollower {
     goal: Option<(f64, f64)>,
     /// Whether the planner has found no way to the goal.
     no_way: bool,
+    /// Whether the planner of a larger map has found none.
+    no_far_way: bool,
     /// Curvature of the arc before, 1/m.
     before_per_m: f64,
     /// Whether the vehicle turned on the spot, to the left (1) or right (-1).
@@ -70,6 +72,7 @@ pub struct Ports {
     images: [In<RawImage>; 2],
     goal: In<PoseInFrame>,
     plan: In<Plan>,
+    far_plan: In<Plan>,
     bumper: In<Bumper>,
     slip: In<SlipReport>,
     way_slip: In<WaySlip>,
@@ -110,6 +113,7 @@ impl Process for WaypointFollower {
             ],
             goal: b.optional_input("goal", "the goal, local frame: for modes that drive straight to it"),
             plan: b.optional_input("plan", "the plan: for modes that begin when there is no way"),
+            far_plan: b.optional_input("far_plan", "the plan on a larger map, for such modes, too"),
             bumper: b.optional_input("bumper", "switches of the bumper, for modes"),
             slip: b.optional_input("slip", "slip of the wheels and load of the motors, for modes"),
             way_slip: b.optional_input("way_slip", "slip over the last metres, for modes"),
@@ -216,7 +220,7 @@ impl Process for WaypointFollower {
     fn halt(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
         self.path_at = None;
         self.goal = None;
-        self.no_way = false;
+        (self.no_way, self.no_far_way) = (false, false);
         self.end_mode_of_before(ports, params, cx);
         self.end_mode("halted", ports, params, cx);
         self.watch = Watch::default();
@@ -270,6 +274,9 @@ impl WaypointFollower {
         }
         if let Some(plan) = cx.read_newest(&ports.plan) {
             self.no_way = plan.state() == PlanState::PlanNoWay;
+        }
+        if let Some(plan) = cx.read_newest(&ports.far_plan) {
+            self.no_far_way = plan.state() == PlanState::PlanNoWay;
         }
         if let Some(report) = cx.read_newest(&ports.slip) {
             self.watch.take_slip(&report, report.acq_time());
@@ -437,7 +444,8 @@ impl WaypointFollower {
         let follows = obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow);
         let no_arc = follows && target.is_some() && chosen.is_none();
         let is_free = held == Held::Not;
-        self.watch.take_blocked(is_free && self.no_way, is_free && no_arc, cx.now());
+        let closed = Closed { way: self.no_way, far_way: self.no_far_way, arcs: no_arc };
+        self.watch.take_closed(if is_free { closed } else { Closed::default() }, cx.now());
         let order = if is_free { [speed_mps, yaw_rate_radps] } else { [0.0; 2] };
         self.watch.take_order(order, position, cx.now());
         send(ports, speed_mps, yaw_rate_radps, cx);
@@ -459,7 +467,7 @@ impl WaypointFollower {
     fn stand(&mut self, ports: &Ports, why: String, cx: &mut Cycle<'_>) {
         send(ports, 0.0, 0.0, cx);
         self.watch.take_order([0.0; 2], DVec2::ZERO, cx.now());
-        self.watch.take_blocked(false, false, cx.now());
+        self.watch.take_closed(Closed::default(), cx.now());
         cx.error(why);
     }
 }

@@ -440,7 +440,9 @@ impl WaypointGenerator {
         let area = obeyed.area.as_ref().map(corners).unwrap_or_default();
         let keep_out = obeyed.keep_out.iter().map(|zone| PlanZone { corners: corners(zone) }).collect();
         let to = |at: DVec2, order: &PlannerGoal| PlannerGoal { x_m: at.x, y_m: at.y, ..order.clone() };
-        let order = to(local, &PlannerGoal { route, barred, area, keep_out, ..PlannerGoal::default() });
+        let is_area_of_world = obeyed.is_area_of_world;
+        let order = PlannerGoal { route, barred, area, is_area_of_world, keep_out, ..PlannerGoal::default() };
+        let order = to(local, &order);
         // The planners would refuse it, and go on to the goal before.
         if let Err(error) = check_typed(&order) {
             let why = format!("the planners cannot be told: {error}: stands");

@@ -169,7 +169,7 @@ mod tests {
     use crate::zones::Polygon;
 
     const WITHIN_M: f64 = 1.2;
-    static EVERYWHERE: Zones = Zones { area: None, keep_out: Vec::new() };
+    static EVERYWHERE: Zones = Zones { area: None, is_area_of_world: false, keep_out: Vec::new() };
 
     fn scene(vehicle: (DVec2, f64), track: &[(f64, f64)]) -> Scene<'_> {
         Scene { goal: DVec2::ZERO, vehicle, track, within_m: WITHIN_M, zones: &EVERYWHERE }
@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn it_does_not_look_where_it_must_not_drive() {
         let corners = [(0.4, -9.0), (9.0, -9.0), (9.0, 9.0), (0.4, 9.0)].map(|(x, y)| DVec2::new(x, y));
-        let zones = Zones { area: None, keep_out: vec![Polygon::new(corners).unwrap()] };
+        let zones = Zones { keep_out: vec![Polygon::new(corners).unwrap()], ..Zones::default() };
         let ahead = Scene { zones: &zones, ..scene((DVec2::ZERO, 0.0), &[(0.0, 0.0)]) };
         let first = GoalSearch::begin(&ahead, Stamp(0)).target().unwrap();
         assert!(first.x <= 0.4, "{first}");

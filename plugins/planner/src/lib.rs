@@ -79,6 +79,7 @@
 //! | `right_images` | in, optional | `foxglove.RawImage` | the same of the right side |
 //! | `goal` | in, optional | `foxglove.PoseInFrame` | the goal, local frame: for modes that drive straight to it |
 //! | `plan` | in, optional | `rcs.Plan` | the plan: for modes that begin when there is no way |
+//! | `far_plan` | in, optional | `rcs.Plan` | the plan on a larger map, for such modes, too |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |
 //! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels and load of the motors, for modes |
 //! | `way_slip` | in, optional | `rcs.WaySlip` | slip over the last metres, for modes |

@@ -38,7 +38,7 @@ impl Mission {
         let keep_out = message.keep_out.iter().map(polygon).collect::<Result<_, _>>();
         let keep_out = keep_out.map_err(|error| format!("keep_out: {error}"))?;
         let goals = (!message.keeps_goals).then_some(goals);
-        Ok(Mission { goals, reached: 0, zones: Zones { area, keep_out } })
+        Ok(Mission { goals, reached: 0, zones: Zones { area, keep_out, ..Zones::default() } })
     }
 
     /// The message of the mission.

@@ -51,6 +51,8 @@ pub enum Signal {
     RoomM,
     /// Time since there was a path that can be driven, s; 0 while there is one.
     BlockedS,
+    /// Time since the planner of a larger map found a way to the goal, s; 0 while it finds one.
+    FarBlockedS,
     /// Time for which no arc has been free although there is a path, s; 0 while one is.
     NoArcS,
     /// Time for which the vehicle has been told to move and has hardly moved, s.
@@ -65,7 +67,7 @@ pub enum Signal {
 
 impl Signal {
     /// Number of signals.
-    pub const COUNT: usize = 14;
+    pub const COUNT: usize = 15;
 
     /// Name in the file.
     pub fn name(self) -> &'static str {
@@ -79,6 +81,7 @@ impl Signal {
             Signal::RollDeg => "roll_deg",
             Signal::RoomM => "room_m",
             Signal::BlockedS => "blocked_s",
+            Signal::FarBlockedS => "far_blocked_s",
             Signal::NoArcS => "no_arc_s",
             Signal::StuckS => "stuck_s",
             Signal::StayedS => "stayed_s",

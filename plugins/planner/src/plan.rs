@@ -49,7 +49,7 @@ pub enum NoPlan {
     /// Obstacles are all around the vehicle, or around the goal.
     #[error("no way to the goal: {0}")]
     NoPath(NoPath),
-    /// The area or the zones close every way.
+    /// The area or the zones, as somebody has stated them, close every way.
     #[error(
         "no way to the goal inside of the area and around the zones, although there would be one without them"
     )]
@@ -138,11 +138,12 @@ impl Planner {
         Ok(plan)
     }
 
-    /// Whether there is a way if the vehicle may drive everywhere.
+    /// Whether there is a way if the vehicle may drive wherever the world is.
     fn is_open_without_zones(&mut self, task: &Task<'_>, rules: &Rules) -> bool {
-        let has_zones = task.past.zones.is_some_and(|zones| !zones.is_empty());
-        let past = Past { zones: None, ..task.past };
-        has_zones && self.way(&Task { past, ..*task }, rules).is_ok()
+        let Some(zones) = task.past.zones else { return false };
+        let world = zones.not_stated();
+        let past = Past { zones: Some(&world), ..task.past };
+        world != *zones && self.way(&Task { past, ..*task }, rules).is_ok()
     }
 
     /// The cheapest way to the goal, or to a free cell beside it.
@@ -435,7 +436,7 @@ mod tests {
     fn zones_that_close_the_way_are_told_from_obstacles_that_do() {
         let corners = [(4.0, -20.0), (5.0, -20.0), (5.0, 20.0), (4.0, 20.0)];
         let zone = Polygon::new(corners.map(DVec2::from)).unwrap();
-        let zones = Zones { area: None, keep_out: vec![zone] };
+        let zones = Zones { keep_out: vec![zone], ..Zones::default() };
         let past = Past { zones: Some(&zones), ..Past::default() };
         let to = |sensed: &Sensed, x_m: f64| plan_with(sensed, DVec2::new(x_m, 0.0), past);
         let free = with_wall(20.0, 20.0);
@@ -443,6 +444,19 @@ mod tests {
         assert!(to(&free, 2.0).is_ok(), "before the zone");
         let closed = with_wall(-20.0, 20.0);
         assert_eq!(to(&closed, 8.0), Err(NoPlan::NoPath(NoPath::NotConnected)));
+    }
+
+    #[test]
+    fn obstacles_from_one_end_of_the_world_to_the_other_close_the_way_and_an_area_that_is_stated_does() {
+        let corners = [(-9.0, -3.0), (9.0, -3.0), (9.0, 3.0), (-9.0, 3.0)];
+        let area = Some(Polygon::new(corners.map(DVec2::from)).unwrap());
+        let wall = with_wall(-4.0, 4.0);
+        let to_goal = |is_area_of_world: bool| {
+            let zones = Zones { area: area.clone(), is_area_of_world, ..Zones::default() };
+            plan_with(&wall, DVec2::new(6.0, 0.0), Past { zones: Some(&zones), ..Past::default() })
+        };
+        assert_eq!(to_goal(true), Err(NoPlan::NoPath(NoPath::NotConnected)));
+        assert_eq!(to_goal(false), Err(NoPlan::Forbidden));
     }
 
     #[test]

@@ -473,6 +473,7 @@ fn zones(goal: &PlannerGoal) -> Result<Zones, String> {
     let keep_out = goal.keep_out.iter().map(|zone| polygon(&zone.corners)).collect::<Result<_, _>>();
     Ok(Zones {
         area: area.map_err(|error| format!("area: {error}"))?,
+        is_area_of_world: goal.is_area_of_world,
         keep_out: keep_out.map_err(|error| format!("keep_out: {error}"))?,
     })
 }

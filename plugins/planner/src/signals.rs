@@ -24,6 +24,8 @@ pub(crate) struct Watch {
     way_slip: Option<(f64, Stamp)>,
     /// Since when there has been no path that can be driven.
     blocked: Option<Stamp>,
+    /// Since when there has been no way to the goal on a larger map.
+    far_blocked: Option<Stamp>,
     /// Since when no arc has been free, although there is a path.
     no_arc: Option<Stamp>,
     /// Where and when the vehicle, told to move, was when it had moved last.
@@ -35,6 +37,17 @@ pub(crate) struct Watch {
     changed: Option<Stamp>,
     /// Whether the vehicle is told to drive back.
     backs: bool,
+}
+
+/// What is closed to the vehicle.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Closed {
+    /// The planner finds no way.
+    pub(crate) way: bool,
+    /// The planner of a larger map finds no way.
+    pub(crate) far_way: bool,
+    /// No arc is free.
+    pub(crate) arcs: bool,
 }
 
 impl Watch {
@@ -56,11 +69,12 @@ impl Watch {
         }
     }
 
-    /// Whether the planner has found no way, and whether no arc is free.
-    pub(crate) fn take_blocked(&mut self, no_way: bool, no_arc: bool, now: Stamp) {
+    /// What is closed from now on.
+    pub(crate) fn take_closed(&mut self, Closed { way, far_way, arcs }: Closed, now: Stamp) {
         let since = |is_so: bool, before: Option<Stamp>| is_so.then(|| before.unwrap_or(now));
-        self.blocked = since(no_way || no_arc, self.blocked);
-        self.no_arc = since(no_arc && !no_way, self.no_arc);
+        self.blocked = since(way || arcs, self.blocked);
+        self.far_blocked = since(far_way, self.far_blocked);
+        self.no_arc = since(arcs && !way, self.no_arc);
     }
 
     /// What the vehicle is told to do from now on, m/s and rad/s.
@@ -118,6 +132,7 @@ impl Watch {
         set(Signal::RollDeg, roll_rad.to_degrees().abs());
         set(Signal::RoomM, room_m);
         set(Signal::BlockedS, since(self.blocked));
+        set(Signal::FarBlockedS, since(self.far_blocked));
         set(Signal::NoArcS, since(self.no_arc));
         set(Signal::StayedS, since(self.stayed.map(|(_, at)| at)));
         set(Signal::StuckS, since(self.still.map(|(_, at)| at)));
@@ -136,8 +151,9 @@ mod tests {
     fn signals_count_times_and_distances() {
         let at = |seconds: u64| Stamp(seconds * 1_000_000_000);
         let mut watch = Watch::default();
-        watch.take_blocked(true, false, at(1));
-        watch.take_blocked(false, true, at(2));
+        let closed = |way, far_way, arcs| Closed { way, far_way, arcs };
+        watch.take_closed(closed(true, false, false), at(1));
+        watch.take_closed(closed(false, true, true), at(2));
         watch.take_order([0.5, 0.0], DVec2::ZERO, at(1));
         watch.take_order([0.5, 0.0], DVec2::new(0.1, 0.0), at(3));
         watch.begin(DVec2::new(0.0, 1.0), at(1));
@@ -151,6 +167,7 @@ mod tests {
             (Signal::Slip, 0.7),
             (Signal::MotorA, 12.0),
             (Signal::BlockedS, 3.0),
+            (Signal::FarBlockedS, 2.0),
             (Signal::NoArcS, 2.0),
             (Signal::StuckS, 1.0),
             (Signal::StayedS, 2.0),
@@ -175,11 +192,11 @@ mod tests {
         assert_eq!(way_slip(&watch), 0.8);
         let blocked = |watch: &Watch| {
             let signals = watch.signals(&climbs, true, 0.3, None, at(7));
-            [Signal::BlockedS, Signal::NoArcS].map(|signal| signals[signal as usize])
+            [Signal::BlockedS, Signal::FarBlockedS, Signal::NoArcS].map(|signal| signals[signal as usize])
         };
-        watch.take_blocked(true, true, at(6));
-        assert_eq!(blocked(&watch), [6.0, 0.0], "there is no path");
-        watch.take_blocked(false, false, at(6));
-        assert_eq!(blocked(&watch), [0.0; 2]);
+        watch.take_closed(closed(true, true, true), at(6));
+        assert_eq!(blocked(&watch), [6.0, 5.0, 0.0], "there is no path");
+        watch.take_closed(Closed::default(), at(6));
+        assert_eq!(blocked(&watch), [0.0; 3]);
     }
 }

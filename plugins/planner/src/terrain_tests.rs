@@ -337,7 +337,7 @@ fn rectangle([low, high]: [(f64, f64); 2]) -> Polygon {
 
 /// The costs where these rectangles must not be entered, from their lowest to their highest corners, m.
 fn costs_with_zones(vehicle: &Pose, zones: &[[(f64, f64); 2]]) -> CostGrid {
-    let zones = Zones { area: None, keep_out: zones.iter().copied().map(rectangle).collect() };
+    let zones = Zones { keep_out: zones.iter().copied().map(rectangle).collect(), ..Zones::default() };
     let past = Past { zones: Some(&zones), ..Past::default() };
     Terrain::default().costs(&sensed(0), vehicle, &past, &rules()).unwrap()
 }
@@ -377,7 +377,7 @@ fn leads(from: DVec2, to: DVec2, zones: &Zones, relief_range_m: f64) -> bool {
 
 #[test]
 fn a_vehicle_close_to_a_thin_zone_can_leave_it_on_its_side_and_does_not_cross_it() {
-    let zones = Zones { area: None, keep_out: vec![rectangle([(-9.0, 1.02), (9.0, 1.08)])] };
+    let zones = Zones { keep_out: vec![rectangle([(-9.0, 1.02), (9.0, 1.08)])], ..Zones::default() };
     let (south, north) = (DVec2::new(2.0, -2.0), DVec2::new(2.0, 3.0));
     for relief_range_m in [0.0, 0.8, 1.2] {
         let both =
@@ -397,7 +397,7 @@ fn a_vehicle_close_to_a_thin_zone_can_leave_it_on_its_side_and_does_not_cross_it
 fn a_vehicle_on_a_cell_that_a_slanting_border_crosses_does_not_cross_it() {
     // Along y = x + 0.07 m, 0.05 m high.
     let corners = [(-9.0, -8.93), (9.0, 9.07), (9.0, 9.12), (-9.0, -8.88)];
-    let zones = Zones { area: None, keep_out: vec![Polygon::new(corners.map(DVec2::from)).unwrap()] };
+    let zones = Zones { keep_out: vec![Polygon::new(corners.map(DVec2::from)).unwrap()], ..Zones::default() };
     let aside = DVec2::new(-1.0, 1.0).normalize();
     for (along, across) in (0..8).flat_map(|along| (-6..=6).map(move |across| (along, across))) {
         let x_m = f64::from(along) * 0.083 - 0.31;
@@ -412,14 +412,14 @@ fn a_vehicle_on_a_cell_that_a_slanting_border_crosses_does_not_cross_it() {
 
 #[test]
 fn a_vehicle_beside_the_end_of_a_thin_zone_drives_around_it() {
-    let zones = Zones { area: None, keep_out: vec![rectangle([(-9.0, 1.02), (0.0, 1.08)])] };
+    let zones = Zones { keep_out: vec![rectangle([(-9.0, 1.02), (0.0, 1.08)])], ..Zones::default() };
     assert!(leads(DVec2::new(-0.5, 0.9), DVec2::new(-0.6, 2.6), &zones, 0.8));
 }
 
 #[test]
 fn a_vehicle_in_the_corner_of_its_area_can_leave_the_corner() {
     // The middles of the cells beside its own lie outside of the area, but that of one diagonally across.
-    let zones = Zones { area: Some(rectangle([(0.05, 0.05), (3.5, 3.5)])), keep_out: Vec::new() };
+    let zones = Zones { area: Some(rectangle([(0.05, 0.05), (3.5, 3.5)])), ..Zones::default() };
     for relief_range_m in [0.0, 0.8] {
         assert!(leads(DVec2::new(0.08, 0.08), DVec2::new(2.0, 2.0), &zones, relief_range_m));
     }
@@ -427,7 +427,7 @@ fn a_vehicle_in_the_corner_of_its_area_can_leave_the_corner() {
 
 #[test]
 fn relief_does_not_open_a_zone() {
-    let zones = Zones { area: None, keep_out: vec![rectangle([(0.7, -1.0), (2.0, 1.0)])] };
+    let zones = Zones { keep_out: vec![rectangle([(0.7, -1.0), (2.0, 1.0)])], ..Zones::default() };
     let rules = Rules { relief_range_m: 1.2, ..rules() };
     let past = Past { zones: Some(&zones), ..Past::default() };
     let vehicle = Pose::IDENTITY;

@@ -69,6 +69,8 @@ impl Polygon {
 pub struct Zones {
     /// The vehicle does not leave it; `None` for no bounds.
     pub area: Option<Polygon>,
+    /// Whether the area is where the world ends, and nobody has stated it.
+    pub is_area_of_world: bool,
     /// The vehicle enters none of them.
     pub keep_out: Vec<Polygon>,
 }
@@ -77,6 +79,13 @@ impl Zones {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.area.is_none() && self.keep_out.is_empty()
+    }
+
+    /// What is left of them without those that somebody has stated: the area in which the world lies, or nothing.
+    #[must_use]
+    pub fn not_stated(&self) -> Zones {
+        let area = self.area.clone().filter(|_| self.is_area_of_world);
+        Zones { is_area_of_world: area.is_some(), area, keep_out: Vec::new() }
     }
 
     /// Whether a position is outside of the area or inside of a zone.
@@ -137,6 +146,7 @@ impl Zones {
     pub fn moved(&self, by: impl Fn(DVec2) -> DVec2) -> Zones {
         Zones {
             area: self.area.as_ref().map(|area| area.moved(&by)),
+            is_area_of_world: self.is_area_of_world,
             keep_out: self.keep_out.iter().map(|zone| zone.moved(&by)).collect(),
         }
     }
@@ -162,11 +172,11 @@ impl Zones {
             Some(_) => return Err(format!("goal: keep_out: expected a list of at most {MOST} polygons")),
         };
         let bounds = || parse(world).and_then(|world| bounds(&world, margin_m));
-        let area = match area {
-            Some(area) => Some(area),
-            None => bounds().map_err(|error| format!("world: {error}"))?,
-        };
-        Ok(Zones { area, keep_out })
+        if area.is_some() {
+            return Ok(Zones { area, keep_out, ..Zones::default() });
+        }
+        let area = bounds().map_err(|error| format!("world: {error}"))?;
+        Ok(Zones { is_area_of_world: area.is_some(), area, keep_out })
     }
 }
 
@@ -239,7 +249,8 @@ mod tests {
 
     #[test]
     fn outside_of_the_area_and_inside_of_a_zone_are_forbidden() {
-        let zones = Zones { area: Some(square(-20.0, 20.0)), keep_out: vec![square(0.0, 10.0)] };
+        let zones =
+            Zones { area: Some(square(-20.0, 20.0)), keep_out: vec![square(0.0, 10.0)], ..Zones::default() };
         for (at, trespass_m) in [((-5.0, -5.0), 0.0), ((5.0, 8.0), 2.0), ((23.0, 0.0), 3.0)] {
             let at = DVec2::from(at);
             assert!((zones.trespass_m(at) - trespass_m).abs() < 1e-9, "{at}");
@@ -255,7 +266,8 @@ mod tests {
 
     #[test]
     fn a_border_separates_what_lies_on_its_two_sides_as_far_as_it_goes() {
-        let zones = Zones { area: Some(square(-20.0, 20.0)), keep_out: vec![square(0.0, 10.0)] };
+        let zones =
+            Zones { area: Some(square(-20.0, 20.0)), keep_out: vec![square(0.0, 10.0)], ..Zones::default() };
         let separate = |a: (f64, f64), b: (f64, f64)| zones.separate(DVec2::from(a), DVec2::from(b));
         assert!(separate((-1.0, 5.0), (1.0, 5.0)), "into the zone");
         assert!(separate((-1.0, 5.0), (11.0, 5.0)), "through the zone");
@@ -266,7 +278,8 @@ mod tests {
 
     #[test]
     fn points_along_the_borders_lie_close_together_and_within_the_rectangle() {
-        let zones = Zones { area: Some(square(-5.0, 5.0)), keep_out: vec![square(0.0, 1e6)] };
+        let zones =
+            Zones { area: Some(square(-5.0, 5.0)), keep_out: vec![square(0.0, 1e6)], ..Zones::default() };
         let mut points = Vec::new();
         zones.along_borders([DVec2::splat(-2.0), DVec2::splat(3.0)], 0.1, |at| points.push(at));
         let on_border =
@@ -281,10 +294,12 @@ mod tests {
         let world = "bounds_m = [[0, 0], [130, 90.0]]";
         let zones = |goal| Zones::from_toml(goal, world, &origin, 1.0);
         let bounded = zones("goal = { easting = 1.0, northing = 1.0 }").unwrap();
+        assert_eq!(bounded.not_stated(), bounded);
         let corners: Vec<DVec2> = bounded.area.unwrap().corners().collect();
         assert_eq!((corners[0], corners[2]), (DVec2::ONE, DVec2::new(129.0, 89.0)));
         let named = "area = [[1000, 2000], [1010, 2000], [1000, 2010]]\nkeep_out = [[[1001, 2001], [1002, 2001], [1001, 2002]]]";
         let named = zones(named).unwrap();
+        assert_eq!(named.not_stated(), Zones::default());
         assert!(named.area.unwrap().contains(DVec2::new(2.0, 2.0)) && named.keep_out.len() == 1);
         assert_eq!(Zones::from_toml("", "", &origin, 1.0), Ok(Zones::default()));
         for (goal, expected) in [

@@ -139,7 +139,9 @@ impl WaypointGenerator {
     pub(super) fn zones_to_obey(&mut self, params: &WaypointGeneratorParams) -> Result<Zones, String> {
         let mut zones = self.given.zones(params)?;
         zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
-        zones.area = self.mission.zones.area.clone().or(zones.area);
+        if let Some(area) = &self.mission.zones.area {
+            (zones.area, zones.is_area_of_world) = (Some(area.clone()), false);
+        }
         Ok(zones)
     }
 

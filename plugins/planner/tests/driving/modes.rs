@@ -54,6 +54,38 @@ fn without_a_way_it_is_aggressive_for_a_while_and_says_why() {
 }
 
 #[test]
+fn without_a_way_on_the_larger_map_it_is_aggressive_until_there_is_one_although_the_near_map_is_free() {
+    let mut bench = start(&FILES);
+    let far_plan = |bench: &mut Bench, state: PlanState| {
+        bench.write("/operator/far_plan", rcs::Plan { state: state.into(), ..rcs::Plan::default() });
+    };
+    // It drives on at 0.2 m/s, so that it is not stuck.
+    let mut x_m = 0.0;
+    let mut go_on = |bench: &mut Bench, count: usize| {
+        for _ in 0..count {
+            x_m += 0.01;
+            cycle(bench, x_m, 0.0, free, 1);
+        }
+    };
+    go_on(&mut bench, 12);
+    far_plan(&mut bench, PlanState::PlanForbidden);
+    go_on(&mut bench, 240);
+    assert_eq!(mode(&bench).0, "", "zones close it: {}", story(&bench));
+    far_plan(&mut bench, PlanState::PlanNoWay);
+    go_on(&mut bench, 190);
+    assert_eq!(mode(&bench).0, "", "for less than 10 s: {}", story(&bench));
+    go_on(&mut bench, 20);
+    let (name, reason) = mode(&bench);
+    assert!(name == "AGGRESSIVE_FAR" && reason.starts_with("far_blocked_s is 10.0"), "{name}: {reason}");
+    assert!((0.1..=0.3).contains(&drive(&bench).0), "{}", story(&bench));
+    far_plan(&mut bench, PlanState::PlanPath);
+    go_on(&mut bench, 4);
+    let (name, reason) = mode(&bench);
+    assert!(name.is_empty() && reason.starts_with("far_blocked_s is 0.0"), "{name}: {reason}");
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
 fn between_walls_it_is_slow_and_looks_closer_and_on_a_steep_slope_it_does_not_stop() {
     let mut bench = start(&FILES);
     let walls = |at: DVec2| if at.y.abs() > 0.6 { 250 } else { 0 };
