@@ -111,8 +111,17 @@ pub struct ChildReport {
     /// Whether the last command of this supervisor has arrived, and the child obeys another one: it refused that
     /// command because the operator had the authority, or the operator has commanded it since.
     pub is_overruled: bool,
-    /// Whether it runs, and the last command that it accepted is one of its own, which `RUN` would end.
-    pub runs_by_own_command: bool,
+    /// The kind of the command that it obeys, if that is one of its own. Then it runs.
+    pub own_command: Option<OwnCommand>,
+}
+
+/// A kind of command of a child's own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OwnCommand {
+    /// In force until `RUN` or another one.
+    Lasting,
+    /// A one-shot: the child runs on as before it.
+    OneShot,
 }
 
 impl ChildReport {
@@ -125,6 +134,11 @@ impl ChildReport {
                 Owner::Nobody => is_halt,
                 Owner::Another => false,
             }
+    }
+
+    /// Whether it runs as before a one-shot of the operator, who does not have it any more.
+    pub fn runs_on(&self) -> bool {
+        self.own_command == Some(OwnCommand::OneShot) && self.owner != Owner::Another
     }
 
     /// What is wrong with the child, if it has failed: its name and its reason.
@@ -154,14 +168,33 @@ pub(crate) struct Link {
     pub(crate) input: usize,
     pub(crate) output: usize,
     pub(crate) silent_ns: u64,
+    /// The commands of its own.
+    pub(crate) commands: &'static [CommandDef],
 }
 
 impl Link {
     /// Adds a child whose status is one of the node's inputs, and whose commands are one of its outputs.
-    pub(crate) fn new(slot: usize, name: Arc<str>, at: [usize; 2], period_ns: u64, latency_ns: u64) -> Self {
+    pub(crate) fn new(
+        slot: usize,
+        name: Arc<str>,
+        at: [usize; 2],
+        [period_ns, latency_ns]: [u64; 2],
+        commands: &'static [CommandDef],
+    ) -> Self {
         let [input, output] = at;
         let silent_ns = (SILENT_PERIODS * period_ns + latency_ns).max(SILENT_NS);
-        Self { slot, name, input, output, silent_ns }
+        Self { slot, name, input, output, silent_ns, commands }
+    }
+
+    /// The kind of the command that the child obeys, if that is one of its own: it accepts such a command only while it
+    /// runs. One in `ERROR` may have refused it.
+    pub(crate) fn own_command(&self, status: &rcs::Status) -> Option<OwnCommand> {
+        let is_built_in = BUILT_IN.iter().any(|known| known.name == status.command);
+        if status.command.is_empty() || is_built_in || status.state() == rcs::ProcessState::Error {
+            return None;
+        }
+        let is_one_shot = |known: &CommandDef| known.is_one_shot && known.name == status.command;
+        Some(if self.commands.iter().any(is_one_shot) { OwnCommand::OneShot } else { OwnCommand::Lasting })
     }
 }
 
@@ -172,13 +205,6 @@ pub(crate) struct ChildLinksState {
     pub(crate) sent: Vec<u64>,
     /// Time of the first cycle, from which on a child without any status counts as silent.
     pub(crate) since: Option<Stamp>,
-}
-
-/// Whether a child runs by a command of its own: it accepts such a command only while it runs. One in `ERROR` may have
-/// refused it.
-pub(crate) fn runs_by_own_command(status: &rcs::Status) -> bool {
-    let is_built_in = BUILT_IN.iter().any(|known| known.name == status.command);
-    !status.command.is_empty() && !is_built_in && status.state() != rcs::ProcessState::Error
 }
 
 /// A child is silent after this many of its periods, and at least after this time.
@@ -276,7 +302,8 @@ mod tests {
     }
 
     fn seen(sent: u64, status: Option<&rcs::Status>) -> ChildState {
-        let link = Link { slot: 0, name: "child".into(), input: 0, output: 0, silent_ns: SILENT_NS };
+        let name = "child".into();
+        let link = Link { slot: 0, name, input: 0, output: 0, silent_ns: SILENT_NS, commands: &[] };
         let state = ChildLinksState { sent: vec![sent], since: None };
         ChildLinks { me: "boss".into(), links: vec![link], state }.state_of(0, status)
     }
@@ -339,7 +366,7 @@ mod tests {
                 obeys_another: None,
                 obeys_last: true,
                 is_overruled: false,
-                runs_by_own_command: false,
+                own_command: None,
             };
             report.failure()
         };

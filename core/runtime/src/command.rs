@@ -45,6 +45,8 @@ pub struct CommandDef {
     /// Schema of its parameters, a message whose fields have unit, range, default and help like those of a process's
     /// parameters; `None` for a command without parameters.
     pub parameters: Option<fn() -> &'static Arc<Schema>>,
+    /// Whether its work is done at once: what the process was told before stays in force.
+    pub is_one_shot: bool,
 }
 
 impl CommandDef {
@@ -120,7 +122,7 @@ impl<C: CommandSet> Order<C> {
 }
 
 /// Declares a process's own commands: an enum whose variants have a name, a sentence of help and optionally a parameter
-/// message.
+/// message. `once` marks a one-shot, after which what the process was told before is still in force.
 ///
 /// ```
 /// rcs_runtime::commands! {
@@ -128,6 +130,7 @@ impl<C: CommandSet> Order<C> {
 ///     pub enum PlannerCommand {
 ///         Stop = "STOP": "Plan no path.",
 ///         Limit(rcs_msg::rcs::SpeedLimit) = "LIMIT": "Plan no faster than this.",
+///         Clear = "CLEAR" once: "Forget the map.",
 ///     }
 /// }
 /// ```
@@ -135,6 +138,8 @@ impl<C: CommandSet> Order<C> {
 macro_rules! commands {
     (@schema) => { None };
     (@schema $parameters:ty) => { Some($crate::commands::schema_of::<$parameters>) };
+    (@is_one_shot) => { false };
+    (@is_one_shot once) => { true };
     (@decode $command:ident $name:ident $variant:ident) => {
         $crate::commands::no_parameters($command).map(|()| $name::$variant)
     };
@@ -147,7 +152,7 @@ macro_rules! commands {
     (
         $(#[$meta:meta])*
         $visibility:vis enum $name:ident {
-            $($variant:ident $(($parameters:ty))? = $text:literal : $help:literal),+ $(,)?
+            $($variant:ident $(($parameters:ty))? = $text:literal $($once:ident)? : $help:literal),+ $(,)?
         }
     ) => {
         $(#[$meta])*
@@ -161,6 +166,7 @@ macro_rules! commands {
                 name: $text,
                 help: $help,
                 parameters: $crate::commands!(@schema $($parameters)?),
+                is_one_shot: $crate::commands!(@is_one_shot $($once)?),
             }),+];
 
             fn decode(command: &$crate::commands::Command) -> Result<Self, String> {
@@ -238,12 +244,16 @@ pub(crate) const RELEASE: &str = "RELEASE";
 
 /// The runtime's commands, which every process obeys.
 pub const BUILT_IN: &[CommandDef] = &[
-    CommandDef { name: INIT, help: "Make the state anew, after a panic, too.", parameters: None },
-    CommandDef { name: RUN, help: "Work from now on.", parameters: None },
-    CommandDef { name: HALT, help: "Stop working; the state is kept.", parameters: None },
-    CommandDef { name: TAKE, help: "Take the authority over the process, or keep it.", parameters: None },
-    CommandDef { name: RELEASE, help: "Give the authority back.", parameters: None },
+    built_in(INIT, "Make the state anew, after a panic, too."),
+    built_in(RUN, "Work from now on."),
+    built_in(HALT, "Stop working; the state is kept."),
+    built_in(TAKE, "Take the authority over the process, or keep it."),
+    built_in(RELEASE, "Give the authority back."),
 ];
+
+const fn built_in(name: &'static str, help: &'static str) -> CommandDef {
+    CommandDef { name, help, parameters: None, is_one_shot: false }
+}
 
 /// Decodes a command into the process's own enum.
 pub(crate) type Typed = Arc<dyn Any + Send + Sync>;

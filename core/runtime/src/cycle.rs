@@ -1,6 +1,6 @@
 //! The context of one cycle of a process.
 
-use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children, Owner, runs_by_own_command};
+use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children, Owner};
 use crate::command::{CommandSet, Obeys, Order};
 use crate::pool::Pool;
 use crate::ports::{In, Out};
@@ -160,12 +160,12 @@ impl Cycle<'_> {
     }
 
     /// The next of the process's own commands since its last cycle; to be called repeatedly. Commands that are not read
-    /// in this cycle are not returned again, but the last one stays in force: [`Cycle::command`].
+    /// in this cycle are not returned again, but the last one that is no one-shot stays in force: [`Cycle::command`].
     pub fn next_command<P: Obeys>(&mut self) -> Option<P::Own> {
         self.register.next()?.downcast_ref::<P::Own>().cloned()
     }
 
-    /// The process's own command in force: the last one since `RUN`.
+    /// The process's own command in force: the last one since `RUN` that is no one-shot.
     pub fn command<P: Obeys>(&self) -> Option<&P::Own> {
         self.register.standing()?.downcast_ref()
     }
@@ -265,7 +265,7 @@ impl Cycle<'_> {
                 .map(|status| status.commander.clone()),
             obeys_last: status.is_some_and(|status| self.child_links.obeys_last(status, sent)),
             is_overruled: status.is_some_and(|status| self.child_links.is_overruled(status, sent)),
-            runs_by_own_command: status.is_some_and(runs_by_own_command),
+            own_command: status.and_then(|status| link.own_command(status)),
         })
     }
 

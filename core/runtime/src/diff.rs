@@ -148,16 +148,20 @@ fn complete_from(log: &Log) -> Stamp {
 
 /// The first time that is compared. Where only one recording is a part of a run, that is after the messages with which the
 /// part opens, because they repeat earlier ones of the other.
-fn compared_from(a: &Log, b: &Log) -> Stamp {
+pub(crate) fn compared_from(a: &Log, b: &Log) -> Stamp {
     let [one, other] = [a, b].map(|log| (log.info().start, log.info().complete_from));
     if one == other {
         return a.info().start;
     }
-    let after_opening = |log: &Log| match log.info().complete_from {
+    after_opening(a).max(after_opening(b))
+}
+
+/// The first time after the messages with which a part of a run opens; the start of a recording that is no such part.
+pub(crate) fn after_opening(log: &Log) -> Stamp {
+    match log.info().complete_from {
         Some(from) if from >= log.info().start => from.after_ns(1),
         _ => log.info().start,
-    };
-    after_opening(a).max(after_opening(b))
+    }
 }
 
 /// Differences until this many buffers have one.

@@ -52,14 +52,14 @@ pub(crate) fn check(
     }
     let fault = Fault { kind, process: change.process.as_str().into() };
     let indices = match (change.process.as_str(), change.buffer.as_str()) {
-        ("", "") => return Err("the fault names no process and no buffer".to_owned()),
+        ("", "") => return Err("it names no process and no buffer".to_owned()),
         ("", _) if of_process => return Err("a process is stopped or slowed, not a buffer".to_owned()),
         ("", name) => {
             let index = buffers.iter().position(|buffer| buffer.name() == name);
             vec![index.ok_or_else(|| format!("there is no buffer {name}"))?]
         }
         (_, name) if !name.is_empty() => {
-            return Err("the fault names a process and a buffer; expected one of them".to_owned());
+            return Err("it names a process and a buffer; expected one of them".to_owned());
         }
         (process, _) => {
             let (status, outputs) =
@@ -71,7 +71,14 @@ pub(crate) fn check(
         let path: FieldPath = path.parse().map_err(|error| format!("{error}"))?;
         let fits = |&index: &usize| can_be_nan(buffers[index].spec().schema.descriptor(), &path);
         if !indices.iter().any(fits) {
-            return Err(format!("there is no floating-point number in {path} that could be NaN"));
+            let mut types: Vec<&str> =
+                indices.iter().map(|&index| buffers[index].spec().schema.name()).collect();
+            types.sort_unstable();
+            types.dedup();
+            return Err(format!(
+                "it has no floating-point number that could be NaN; expected a field of {} that is or holds one",
+                types.join(" or ")
+            ));
         }
     }
     if let FaultKind::Late { .. } = fault.kind {

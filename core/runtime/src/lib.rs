@@ -107,7 +107,7 @@ mod tally;
 mod work;
 mod workers;
 
-pub use children::{Child, ChildDef, ChildReport, ChildState, Children, Owner};
+pub use children::{Child, ChildDef, ChildReport, ChildState, Children, OwnCommand, Owner};
 #[doc(hidden)]
 pub use command::support as commands;
 pub use command::{BUILT_IN, CommandDef, CommandSet, NoCommands, Obeys, Order};

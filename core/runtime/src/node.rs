@@ -238,8 +238,8 @@ impl Node {
     }
 
     fn take_command(&mut self, sample: &Sample) {
-        let outcome =
-            self.register.take(sample, &self.sources, self.kind.decoder(), self.panicked, &mut self.status);
+        let own = (self.kind.decoder(), self.kind.commands());
+        let outcome = self.register.take(sample, &self.sources, own, self.panicked, &mut self.status);
         if outcome == CommandOutcome::Reset {
             // The new state is created from the newest parameters.
             for message in std::mem::take(&mut self.new_params) {
@@ -427,7 +427,8 @@ fn links_of(plan: &Plan, process: &ProcessPlan) -> ChildLinks {
     let link = |(index, child): (usize, &ChildPlan)| {
         let of = &plan.processes[child.process];
         let (input, output) = (process.inputs.len() + index, process.outputs.len() + index);
-        Link::new(child.slot, Arc::clone(&of.name), [input, output], of.period_ns, of.latency_ns)
+        let times_ns = [of.period_ns, of.latency_ns];
+        Link::new(child.slot, Arc::clone(&of.name), [input, output], times_ns, of.kind.commands())
     };
     ChildLinks::new(Arc::clone(&process.name), process.children.iter().enumerate().map(link).collect())
 }

@@ -77,8 +77,9 @@ impl OverrideTable {
             return self.check_release(&change).map_err(refused);
         }
         let what = if change.fault.is_some() { "fault" } else { "override" };
-        let about = |text: String| {
-            refused(format!("the {what} of {}{}{}: {text}", change.process, change.buffer, change.path))
+        let about = |text: String| match target(&change).as_str() {
+            "" => refused(format!("the {what}: {text}")),
+            of => refused(format!("the {what} of {of}: {text}")),
         };
         let (value, indices) = if let Some(fault) = &change.fault {
             if !change.buffer.is_empty() {
@@ -146,7 +147,7 @@ impl OverrideTable {
         if !found {
             return Err(match which {
                 Release::Id(id) => format!("no override has the number {id}"),
-                _ => format!("nothing overrides {}{}", change.buffer, change.path),
+                _ => format!("nothing overrides {}", target(change)),
             });
         }
         let index = if matches!(which, Release::Id(_)) { None } else { index };
@@ -249,6 +250,15 @@ impl OverrideTable {
         };
         write(&self.log, now, AnyMessage::new(message));
     }
+}
+
+/// What a request is about: its process or buffer, and the path of its field, as in `/a/b.x`.
+fn target(change: &rcs::Override) -> String {
+    let rcs::Override { process, buffer, path, .. } = change;
+    let and = if process.is_empty() || buffer.is_empty() { "" } else { " and " };
+    // The first dot of a path is optional.
+    let dot = if path.is_empty() || path.starts_with(['.', '[']) { "" } else { "." };
+    format!("{process}{and}{buffer}{dot}{path}")
 }
 
 fn write(writer: &Writer, now: Stamp, message: AnyMessage) {

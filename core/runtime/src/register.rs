@@ -13,9 +13,10 @@
 //! A command that fails at 1 to 3 is a fault and is reported in `Status.refused`; the owner's last command stays in
 //! force. A command that fails at 4 came from the owner: its serial is echoed with `ERROR` and the reason, until a
 //! command is accepted. An accepted command is echoed together with `EXEC` in the next status, before the process can
-//! report anything else.
+//! report anything else. A one-shot does not end the command of the process's own that is in force: the status goes on
+//! naming that.
 
-use crate::command::{Decode, HALT, INIT, RELEASE, RUN, TAKE, Typed, no_parameters};
+use crate::command::{CommandDef, Decode, HALT, INIT, RELEASE, RUN, TAKE, Typed, no_parameters};
 use crate::status::{Obeyed, StatusCell};
 use rcs_bus::{Sample, WriterId};
 use rcs_msg::{Stamp, rcs};
@@ -101,7 +102,7 @@ pub(crate) struct Register {
     serials: [u64; 2],
     /// The process's own commands that it has not read.
     pending: VecDeque<Accepted>,
-    /// The own command in force.
+    /// The own command in force; a one-shot is none.
     standing: Option<Accepted>,
     /// Whether a command was accepted since the last cycle.
     is_new: bool,
@@ -171,7 +172,7 @@ impl Register {
         &mut self,
         sample: &Sample,
         sources: &CommandSources,
-        decode: Decode,
+        (decode, commands): (Decode, &[CommandDef]),
         panicked: bool,
         status: &mut StatusCell,
     ) -> CommandOutcome {
@@ -208,10 +209,14 @@ impl Register {
         obeyed.command.clone_from(&command.name);
         obeyed.commander.clone_from(&writer);
         obeyed.echo_serial = command.serial;
-        match self.accept(&command, decode, panicked, status.text()) {
+        match self.accept(&command, (decode, commands), panicked, status.text()) {
             Ok(outcome) => {
                 self.is_new = true;
-                status.obeyed_mut().rejected = None;
+                let obeyed = status.obeyed_mut();
+                obeyed.rejected = None;
+                if let Some(standing) = &self.standing {
+                    obeyed.command.clone_from(&standing.message.name);
+                }
                 status.set(rcs::ProcessState::Exec, format!("obeys {}", command.name).into());
                 outcome
             }
@@ -265,7 +270,7 @@ impl Register {
     fn accept(
         &mut self,
         command: &rcs::Command,
-        decode: Decode,
+        (decode, commands): (Decode, &[CommandDef]),
         panicked: bool,
         state_text: &str,
     ) -> Result<CommandOutcome, String> {
@@ -304,7 +309,9 @@ impl Register {
         }
         let accepted = Accepted { message: Arc::new(command.clone()), typed: Some(typed) };
         self.pending.push_back(accepted.clone());
-        self.standing = Some(accepted);
+        if !commands.iter().any(|known| known.is_one_shot && known.name == name) {
+            self.standing = Some(accepted);
+        }
         Ok(CommandOutcome::Accepted)
     }
 

@@ -6,7 +6,7 @@ mod common;
 
 use common::{PAIR, plan, seconds, stepped, write_log};
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
-use rcs_msg::{AnyMessage, foxglove, schema_of};
+use rcs_msg::{AnyMessage, Stamp, foxglove, schema_of};
 use rcs_runtime::source::{Compared, Comparison, LogSource, Source, StackSource, Task, finish_idle};
 use rcs_runtime::{
     NotCompared, PastOptions, RecordOptions, Recording, RunId, RunOptions, diff, diff_each, diff_lengths,
@@ -228,6 +228,10 @@ fn the_viewed_moment_of_the_other_recording_is_in_the_frame_while_it_is_compared
         };
         assert_eq!(pose(&frame) == pose(frame.other.as_ref().unwrap()), is_equal, "{to_s} s");
     }
+    source.show_other(false);
+    assert!(source.frame().other.is_none(), "nothing is read that nobody shows");
+    source.show_other(true);
+    assert!(source.frame().other.is_some());
     source.compare(&[]);
     assert!(source.frame().other.is_none());
 }
@@ -280,6 +284,29 @@ fn two_recordings_are_compared_from_the_later_start_which_is_told_apart_from_mes
         assert_eq!((later.is_first, later.start), (is_first, part.info().start));
     }
     assert_eq!(diff_starts(&part, &part).unwrap(), None);
+}
+
+#[test]
+fn a_recording_that_begins_later_is_compared_from_its_start_with_another_one_and_with_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, before, part] = ["whole", "before", "part"].map(|name| folder.path().join(name));
+    record(&whole, None);
+    let log = rcs_log::Log::open(&whole).unwrap();
+    rcs_testkit::logs::split(&log, seconds(1.3), [&before, &part]).unwrap();
+    let start = rcs_log::Log::open(&part).unwrap().info().start;
+    let check = |source: &mut dyn Source, other: &Path, sides: [Compared; 2]| {
+        source.against(&[other.to_owned()]);
+        let comparison = compared(source, sides);
+        assert_eq!((buffers(&comparison), comparison.problem.as_deref()), (vec![], None));
+        assert_eq!(comparison.gaps[..], [(Stamp(0), start.before_ns(1))]);
+        assert!(comparison.until > Some(start), "{:?}", comparison.until);
+    };
+    for (one, other) in [(&whole, &part), (&part, &whole)] {
+        check(&mut LogSource::open(one).unwrap(), other, [Compared::Recorded, Compared::Other]);
+    }
+    let mut run = source(PastOptions::default());
+    go(&mut run, 3.0);
+    check(&mut run, &part, [Compared::Run(RunId(0)), Compared::Other]);
 }
 
 #[test]

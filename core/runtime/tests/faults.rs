@@ -191,7 +191,16 @@ fn a_fault_that_makes_no_sense_is_refused_with_the_reason() {
     check(delayed("counter", Kind::Slowed, f64::NAN), "delay");
     check(delayed("/counter/params", Kind::Late, 1.0), "no process writes it");
     check(fault("/runtime/journal", Kind::Dropped), "written by the runtime");
-    check(rcs::Override { path: ".w".to_owned(), ..fault("counter", Kind::Nan) }, ".w");
+    check(rcs::Override { path: ".w".to_owned(), ..fault("counter", Kind::Nan) }, "fault of counter.w: ");
+    for path in ["w", ".w"] {
+        check(
+            rcs::Override { path: path.to_owned(), ..fault("/counter/count", Kind::Nan) },
+            "the fault of /counter/count.w: it has no floating-point number that could be NaN; \
+             expected a field of foxglove.Vector3 that is or holds one",
+        );
+    }
+    let both = rcs::Override { process: "counter".to_owned(), ..fault("/counter/count", Kind::Frozen) };
+    check(both, "the fault of counter and /counter/count: it names a process and a buffer; expected one");
     check(rcs::Override { path: ".x".to_owned(), ..fault("counter", Kind::Frozen) }, "has no field");
     let once = rcs::r#override::Mode::Once.into();
     check(rcs::Override { mode: once, ..fault("counter", Kind::Frozen) }, "HOLD");

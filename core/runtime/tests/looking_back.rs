@@ -7,10 +7,10 @@ mod common;
 use common::{PAIR, TIGHT_BYTES, content, plan, seconds, tight};
 use rcs_formula::FieldRef;
 use rcs_msg::{AnyMessage, Stamp, foxglove};
-use rcs_runtime::source::{RunTag, Source, StackSource, Step, Task, finish_idle};
+use rcs_runtime::source::{LogSource, RunTag, Source, StackSource, Step, Task, finish_idle};
 use rcs_runtime::{
-    Cycle, NoCommands, Out, PastOptions, Plan, PortBuilder, Process, ProcessDef, ProcessType, Role, RunId,
-    RunOptions, StackFile,
+    Cycle, NoCommands, Out, PastOptions, Plan, PortBuilder, Process, ProcessDef, ProcessType, RecordOptions,
+    Role, RunId, RunOptions, StackFile,
 };
 use rcs_testkit::proto::CounterParams;
 use serde::{Deserialize, Serialize};
@@ -185,6 +185,27 @@ fn a_jump_forward_keeps_the_fixed_transforms_that_were_known_before_it() {
         for wheel in WHEELS {
             let found = transforms.lookup("rover", wheel, seconds(100.0).0);
             assert!(found.is_ok(), "{wheel}, with {disk_bytes} bytes of disk: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn a_recording_from_the_middle_of_a_run_has_the_fixed_transform_of_every_frame() {
+    for disk_bytes in [None, Some(1 << 30)] {
+        let folder = tempfile::tempdir().unwrap();
+        let past = disk_bytes.map_or_else(PastOptions::default, |bytes| tight(folder.path(), bytes));
+        let mut source = survey(past);
+        let path = folder.path().join("survey.mcap");
+        source.seek(seconds(30.0), &Task::default()).unwrap();
+        source.record(&path, &RecordOptions { lossless: true, ..RecordOptions::default() }).unwrap();
+        source.seek(seconds(31.0), &Task::default()).unwrap();
+        source.stop_recording();
+        let mut recorded = LogSource::open(&path).unwrap();
+        finish_idle(&mut recorded);
+        let transforms = recorded.frame().transforms;
+        for wheel in WHEELS {
+            let found = transforms.lookup("rover", wheel, seconds(30.0).0);
+            assert!(found.is_ok(), "{wheel}, with {disk_bytes:?} bytes of disk: {found:?}");
         }
     }
 }

@@ -137,6 +137,9 @@ fn a_recording_from_the_middle_of_a_run_is_shown_and_its_rates_are_counted_from_
     let mut opened = LogSource::new(&log).unwrap();
     let frame = opened.frame();
     assert_eq!((opened.now(), x_of(&frame, "/counter/count").is_some()), (seconds(10.0), true));
+    assert_eq!((frame.info.complete_from, frame.is_before_recording()), (Some(seconds(10.0)), false));
+    opened.seek(seconds(5.0), &Task::default()).unwrap();
+    assert!(opened.frame().is_before_recording());
     let topic = log.info().topics_named("/counter/count").next().unwrap();
     assert!((95.0..=105.0).contains(&topic.hz), "{}", topic.hz);
 }

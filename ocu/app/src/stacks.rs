@@ -176,8 +176,9 @@ fn reads_nothing(plan: &Plan, log: &Log) -> Option<String> {
 }
 
 /// What is told of a stack on a recording: that it reads nothing of it, and which processes of the recorded run had other
-/// parameters, from its start on or sent by the operator: the stack has its own ones.
-pub(crate) fn warnings_on(plan: &Plan, log: &Log) -> Vec<String> {
+/// parameters, from its start on or sent by the operator: the stack has its own ones, and those of the command line
+/// (`overrides`), which are meant to differ.
+pub(crate) fn warnings_on(plan: &Plan, overrides: &[(String, String)], log: &Log) -> Vec<String> {
     let mut warnings: Vec<String> = reads_nothing(plan, log).into_iter().collect();
     let Ok(recorded) = RecordedRun::read(log, rcs_plugins::all()) else { return warnings };
     let names = |is_meant: &dyn Fn(&ProcessPlan) -> bool| {
@@ -186,9 +187,20 @@ pub(crate) fn warnings_on(plan: &Plan, log: &Log) -> Vec<String> {
     };
     let run = recorded.info();
     // Another stack has parameters of its own.
+    let is_same_stack = run.stack == plan.file.name();
+    // The recorded run with the same parameters of the command line, where it takes them.
+    let as_given = (is_same_stack && !overrides.is_empty())
+        .then(|| recorded.plan_with(rcs_plugins::all(), overrides, &ProgramAssets).ok())
+        .flatten();
+    let theirs = |name: &str| match &as_given {
+        Some(plan) => {
+            let process = plan.processes.iter().find(|process| *process.name == *name);
+            process.map(|process| process.params.bytes())
+        }
+        None => run.params.iter().find(|params| params.process == name).map(|params| params.params.clone()),
+    };
     let began = names(&|process: &ProcessPlan| {
-        let theirs = run.params.iter().find(|theirs| *theirs.process == *process.name);
-        run.stack == plan.file.name() && theirs.is_some_and(|theirs| theirs.params != process.params.bytes())
+        is_same_stack && theirs(&process.name).is_some_and(|theirs| theirs != process.params.bytes())
     });
     if !began.is_empty() {
         warnings.push(format!(
@@ -225,7 +237,7 @@ pub(crate) fn open_on(request: &Request, log: Option<&Log>) -> anyhow::Result<Bo
     let remembered = request.remembered.as_deref().cloned().unwrap_or_default();
     let course = course_on(stack, request.course.as_deref(), log);
     let mut plan = plan_with(stack, course.as_deref(), &[], &remembered)?;
-    let warnings = log.map(|log| warnings_on(&plan, log)).unwrap_or_default();
+    let warnings = log.map(|log| warnings_on(&plan, &[], log)).unwrap_or_default();
     if let Some(plan) = Arc::get_mut(&mut plan) {
         plan.warnings.extend(warnings);
     }

@@ -137,7 +137,9 @@ impl<'a> Prepared<'a> {
         // Whether a fault fits depends on processes, buffers and schemas, which all runs have in common.
         if let Some(first) = variants.first() {
             acts::check_faults(&first.plan, log.as_ref(), &first.acts)?;
-            for warning in log.iter().flat_map(|log| stacks::warnings_on(&first.plan, log)) {
+            // All runs set the same parameters.
+            let overrides: Vec<(String, String)> = first.params.clone().into_iter().collect();
+            for warning in log.iter().flat_map(|log| stacks::warnings_on(&first.plan, &overrides, log)) {
                 tracing::warn!("{warning}");
             }
         }

@@ -281,7 +281,10 @@ fn a_stop_that_is_not_confirmed_is_never_shown_as_one() {
     wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
     harness.get_by_label("Emergency stop: STOP").click();
     harness.run_steps(10);
-    assert!(harness.query_by_label("Emergency stop: STOPPING…").is_some());
+    let at = harness.get_by_label("Emergency stop: STOPPING…").rect().center();
+    harness.hover_at(at);
+    harness.run_steps(10);
+    assert!(harness.query_by_label_contains("takes effect when time goes on (space)").is_some());
     harness.get_by_label("Play").click();
     wait_until(&mut harness, "the vehicle's word", |frame| {
         vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)

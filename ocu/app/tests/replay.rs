@@ -543,6 +543,17 @@ fn a_stack_on_its_own_recording_says_that_the_run_began_with_other_parameters() 
     assert_eq!(warnings(&other, &[]), [said]);
     assert_eq!(warnings(&other, &param), [""; 0]);
     assert_eq!(warnings(&plain, &[]), [""; 0]);
+    // What the command line gives is meant to differ.
+    assert_eq!(warnings(&plain, &param), [""; 0]);
+    let is_told_of_sweep = |log: &str, values: &str| {
+        let sweep = ["sweep", "--stack", "simulation", "--until", "0.1", "--log", log, "--param", values];
+        let (code, _, errors) = ocu(&sweep);
+        assert_eq!(code, 0, "{errors}");
+        errors.contains(said)
+    };
+    assert!(!is_told_of_sweep(&plain, "wm1.publish_hz=5,6"));
+    assert!(!is_told_of_sweep(&other, "wm1.publish_hz=5,6"));
+    assert!(is_told_of_sweep(&other, "wm1.fade_period_s=5,7"));
 }
 
 #[test]

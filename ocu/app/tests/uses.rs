@@ -331,7 +331,7 @@ fn what_a_run_remembers_is_saved_and_another_run_begins_with_it() {
     let begins = |frame: &rcs_runtime::source::Frame| models(frame).is_some_and(|now| Some(now) != of_stack);
     wait_until(&mut harness, "the next run", begins);
     assert!(is_told(&harness, "meadow, seed 1"));
-    assert!(is_told(&harness, "begins with what an earlier run remembers: "));
+    assert!(is_told(&harness, "is given what an earlier run remembers: "));
 
     let other = dir.path().join("other.json");
     std::fs::write(&other, r#"{"format": 2, "remembered": {}}"#).unwrap();

@@ -48,6 +48,7 @@ fn an_empty_window_invites_to_open_something() {
     harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
     harness.run();
     assert!(harness.query_by_label("Path").is_some(), "the dialog has a field for a path");
+    assert!(harness.query_by_label("ctrl . closes").is_some(), "where Escape would stop a vehicle");
 }
 
 #[test]

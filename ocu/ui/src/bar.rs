@@ -35,6 +35,8 @@ pub enum Fit {
     Stays,
     /// It becomes short, and then moves into the menu; items of lower worth go first.
     Leaves(u8),
+    /// As [`Fit::Leaves`], but it becomes short before all of those do.
+    Shortens(u8),
     /// It takes the room that is left, and disappears below this width. It is the last one at the left.
     Stretches(f32),
 }
@@ -298,18 +300,22 @@ fn forms(items: &[Shape], room: f32, gap: f32) -> Vec<Option<Form>> {
         sum - gap + menu
     };
     let worth = |index: &usize| match items[*index].fit {
-        Fit::Leaves(worth) => u16::from(worth),
+        Fit::Leaves(worth) | Fit::Shortens(worth) => u16::from(worth),
         Fit::Shrinks | Fit::Stays | Fit::Stretches(_) => u16::MAX,
     };
     let mut order: Vec<usize> = (0..items.len()).collect();
     order.sort_by_key(worth);
     // An item that has nothing to say takes no room, and would leave an empty menu.
-    let leaves = |index: &usize| matches!(items[*index].fit, Fit::Leaves(_)) && items[*index].full > 0.0;
+    let leaves = |index: &usize| {
+        matches!(items[*index].fit, Fit::Leaves(_) | Fit::Shortens(_)) && items[*index].full > 0.0
+    };
     let leaving = || order.iter().copied().filter(leaves);
+    let is_first = |index: &usize| matches!(items[*index].fit, Fit::Shortens(_));
     let of = |fit: Fit| order.iter().copied().filter(move |&index| items[index].fit == fit);
     let steps = of(Fit::Shrinks)
+        .chain(leaving().filter(is_first))
+        .chain(leaving())
         .map(|index| (index, Some(Form::Short)))
-        .chain(leaving().map(|index| (index, Some(Form::Short))))
         .chain(leaving().map(|index| (index, Some(Form::Listed))))
         .chain(of(Fit::Stays).map(|index| (index, Some(Form::Short))));
     for (index, form) in steps {

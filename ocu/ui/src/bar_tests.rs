@@ -133,6 +133,17 @@ fn a_menu_stays_open_although_its_button_would_move_into_the_menu_of_the_bar() {
 }
 
 #[test]
+fn a_tag_with_a_short_form_becomes_short_before_a_menu_loses_its_name() {
+    use Form::{Full, Listed, Short};
+    let items = [shape(Fit::Leaves(40), 60.0, 24.0), shape(Fit::Shortens(85), 100.0, 50.0)];
+    let at = |room: f32| forms(&items, room, 8.0);
+    assert_eq!(at(168.0), [Some(Full), Some(Full)]);
+    assert_eq!(at(167.0), [Some(Full), Some(Short)]);
+    assert_eq!(at(117.0), [Some(Short), Some(Short)]);
+    assert_eq!(at(81.0), [Some(Listed), Some(Listed)]);
+}
+
+#[test]
 fn items_become_short_then_move_into_the_menu_by_worth_and_what_stays_stays() {
     use Form::{Full, Listed, Short};
     let items = [

@@ -5,7 +5,6 @@ use egui::{
     Align2, Button, Color32, FontId, Label, Rect, RectAlign, Response, RichText, Role, Sense, TextEdit,
     TextStyle, Tooltip, Ui, Vec2, WidgetInfo,
 };
-use std::collections::BTreeMap;
 
 /// Size of the icon of an empty panel.
 const ICON_OF_EMPTY: f32 = 28.0;
@@ -153,6 +152,7 @@ pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> 
 
 /// Paints widgets whose ids follow from this name, which is unique within the parent, and not from the count of the widgets
 /// before them: a press and its release are a click, and a drag goes on, although a widget before them comes or goes.
+/// [`RowNames`] paints rows of which several may have the same name.
 pub fn named<R>(ui: &mut Ui, name: impl egui::AsIdSalt, add: impl FnOnce(&mut Ui) -> R) -> R {
     let builder = egui::UiBuilder::new().scope_id(ui.scope_id().with(name));
     ui.scope_builder(builder, add).inner
@@ -169,11 +169,17 @@ pub fn as_pressed<T: Clone + Send + Sync + 'static>(response: &Response, now: T)
     read
 }
 
-/// How many things with this name were counted before: a part of the name for [`named`] where two things may have the same.
-pub fn nth<T: Ord>(counted: &mut BTreeMap<T, usize>, name: T) -> usize {
-    let count = counted.entry(name).or_default();
-    *count += 1;
-    *count - 1
+/// The names of the rows of a list, with how many rows in this pass had each of them so far.
+#[derive(Debug, Default)]
+pub struct RowNames(egui::IdSaltMap<usize>);
+
+impl RowNames {
+    /// Paints the next row like [`named`]; rows with the same name are told apart by their order.
+    pub fn named<R>(&mut self, ui: &mut Ui, name: impl egui::AsIdSalt, add: impl FnOnce(&mut Ui) -> R) -> R {
+        let count = self.0.entry(egui::IdSalt::new(&name)).or_default();
+        *count += 1;
+        named(ui, (name, *count), add)
+    }
 }
 
 /// An icon centred at a point. The glyphs of the icon font are slightly too low, which is corrected here.

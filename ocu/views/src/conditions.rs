@@ -167,12 +167,11 @@ impl View for Conditions {
         }
         let mut removed = None;
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            let mut names = BTreeMap::new();
+            let mut names = widgets::RowNames::default();
             for (index, found) in shown.iter().enumerate() {
                 // Notes of those before it come and go.
                 let formula = self.saved.conditions[index].formula.clone();
-                let name = (formula.clone(), widgets::nth(&mut names, formula));
-                if widgets::named(ui, name, |ui| self.row(ui, cx, index, found)) {
+                if names.named(ui, formula, |ui| self.row(ui, cx, index, found)) {
                     removed = Some(index);
                 }
             }
@@ -253,8 +252,7 @@ impl Conditions {
         let stopping = conditions.filter(|condition| condition.stops || Some(&*condition.formula) == until);
         let formulas = stopping.map(|condition| condition.formula.as_str());
         if let Some((formula, at)) = self.stops.reached(cx.frame, formulas, &self.hits) {
-            cx.controls.push(Control::Pause);
-            cx.controls.push(Control::Seek(at));
+            cx.controls.extend(Control::pause_at(at));
             self.reached = Some((formula, at));
             self.until = None;
         }
@@ -309,12 +307,12 @@ impl Conditions {
             .clicked()
                 && let Some(at) = hits.before(frame.now)
             {
-                cx.controls.push(Control::Seek(at));
+                cx.controls.extend(Control::pause_at(at));
             }
             if widgets::icon_button(ui, icons::ICON_SKIP_NEXT, &format!("On until {formula} holds")).clicked()
             {
                 match hits.after(frame.now) {
-                    Some(at) => cx.controls.push(Control::Seek(at)),
+                    Some(at) => cx.controls.extend(Control::pause_at(at)),
                     None if frame.info.kind == SourceKind::Log => {}
                     None => {
                         self.until = Some(formula.clone());

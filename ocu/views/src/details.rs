@@ -7,7 +7,7 @@
 
 use crate::command;
 use crate::fields::{Fields, Saved as SavedFields};
-use crate::process_state::{silent_s, state_name};
+use crate::process_state::{NOT_RECORDED, silent_s, state_name};
 use crate::tuning::{ParamRow, ParamRows};
 use crate::view::{CommandDraft, SavedState, TopicKey, View, ViewContext};
 use egui::{Align, FontId, RichText, Role, ScrollArea, Sense, Ui, UiBuilder, Vec2, WidgetInfo};
@@ -151,9 +151,10 @@ fn row(ui: &mut Ui, chosen: bool, name: &str, note: &str) -> egui::Response {
 fn processes(ui: &mut Ui, cx: &mut ViewContext<'_>, chosen: &ProcessInfo) {
     title(ui, "Processes");
     ui.spacing_mut().item_spacing.y = 0.0;
+    let absent = if cx.frame.is_before_recording() { NOT_RECORDED } else { "–" };
     ScrollArea::vertical().id_salt("processes").auto_shrink(false).show(ui, |ui| {
         for process in cx.frame.processes.iter() {
-            let state = cx.frame.status(process).map_or("–", |status| state_name(status.state()));
+            let state = cx.frame.status(process).map_or(absent, |status| state_name(status.state()));
             let old = silent_s(cx.frame, process).map(|age_s| format!("NO STATUS {}", format::age(age_s)));
             if row(ui, process.name == chosen.name, &process.name, old.as_deref().unwrap_or(state))
                 .on_hover_text(&process.summary)
@@ -180,30 +181,39 @@ fn last_command(ui: &mut Ui, frame: &Frame, process: &ProcessInfo) {
         .map(|schema| AnyMessage::encoded(Arc::clone(schema), command.parameters.clone()));
     let status = frame.status(process);
     ScrollArea::vertical().id_salt("last").auto_shrink(false).show(ui, |ui| {
-        let mut line = |name: &str, value: String| {
+        let line = |ui: &mut Ui, name: &str, value: String| {
             ui.horizontal(|ui| {
                 ui.add_space(8.0);
                 widgets::name_value(ui, 64.0, name, widgets::mono(value));
             });
         };
-        line("name", command.name.clone());
-        line("serial", command.serial.to_string());
-        if let Some(status) = status {
-            line("echo", status.echo_serial.to_string());
-            line("commander", status.commander.clone());
-            line("authority", status.owner.clone());
-            if let Some(refused) = &status.refused {
-                line("refused", format!("{} {}: {}", refused.serial, refused.command, refused.reason));
-            }
-        }
-        line("age", topic.age_s(frame.now).map(format::age).unwrap_or_default());
+        line(ui, "name", command.name.clone());
         if let Some(Ok(value)) = parameters.map(|message| message.value()) {
             for (path, value) in value.leaves() {
                 if let Some(text) = crate::edit::text::text_of(value) {
-                    line(path.to_string().trim_start_matches('.'), text);
+                    sent_parameter(ui, path.to_string().trim_start_matches('.'), text);
                 }
             }
         }
+        line(ui, "serial", command.serial.to_string());
+        if let Some(status) = status {
+            line(ui, "echo", status.echo_serial.to_string());
+            line(ui, "commander", status.commander.clone());
+            line(ui, "authority", status.owner.clone());
+            if let Some(refused) = &status.refused {
+                line(ui, "refused", format!("{} {}: {}", refused.serial, refused.command, refused.reason));
+            }
+        }
+        line(ui, "age", topic.age_s(frame.now).map(format::age).unwrap_or_default());
+    });
+}
+
+/// A parameter of a command that was sent. Its value goes into the next line where it does not fit beside the name.
+fn sent_parameter(ui: &mut Ui, name: &str, value: String) {
+    ui.horizontal_wrapped(|ui| {
+        ui.add_space(8.0);
+        ui.label(RichText::new(name).size(12.0).color(tokens(ui).weak));
+        ui.label(widgets::mono(value));
     });
 }
 
@@ -246,7 +256,7 @@ impl Details {
         });
         let refused = command::refusal(cx.frame);
         let mut send = false;
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.add_space(8.0);
             let button = egui::Button::new(format!("{}  Send {}", icons::ICON_SEND.codepoint, command.name));
             let response = ui.add_enabled(refused.is_none(), button);

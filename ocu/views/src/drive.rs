@@ -232,13 +232,22 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
         (_, _, true) => ("HELD".to_owned(), tokens.warning),
         _ => ("FREE TO MOVE".to_owned(), tokens.ok),
     };
-    ui.horizontal(|ui| {
+    let person = inputs.teleop.as_deref().and_then(|teleop| commanded(frame, teleop));
+    let who = match person {
+        Some(_) => "you",
+        None if status.teleoperated => "the operator",
+        None if status.stopped => "nobody",
+        None => "the stack",
+    };
+    // Beside the state, because in a low view what is at the end is cut off.
+    ui.horizontal_wrapped(|ui| {
         widgets::tag(ui, &word, color);
+        ui.label(egui::RichText::new("driven by").size(12.0).color(tokens.weak));
+        ui.label(who);
     });
     if !status.stop_reason.is_empty() && !old && !status.emergency_stopped {
         ui.add(egui::Label::new(&status.stop_reason).wrap());
     }
-    let person = inputs.teleop.as_deref().and_then(|teleop| commanded(frame, teleop));
     let (names, digits, gap, head) = if ui.available_width() < MOTION {
         (NARROW_NAMES, 5, " ", "wanted  now")
     } else {
@@ -263,13 +272,6 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     // Measured only: nobody wants an attitude.
     row(ui, "Roll", dash(), turn(status.roll_rad), "°");
     row(ui, "Pitch", dash(), turn(status.pitch_rad), "°");
-    let who = match person {
-        Some(_) => "you",
-        None if status.teleoperated => "the operator",
-        None if status.stopped => "nobody",
-        None => "the stack",
-    };
-    name_value(ui, NAMES, "Driven by", egui::RichText::new(who));
     if status.refused > 0 {
         let times = if status.refused == 1 { "once".to_owned() } else { format!("{} times", status.refused) };
         name_value(ui, NAMES, "Refused", egui::RichText::new(times).color(tokens.warning));

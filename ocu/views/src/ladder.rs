@@ -15,7 +15,6 @@ use rcs_msg::Stamp;
 use rcs_msg::rcs::ProcessInfo;
 use rcs_runtime::source::{Control, FieldPoint, FieldSeries, Frame, RunTag, Series};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 const ROW: f32 = 20.0;
@@ -287,6 +286,7 @@ fn ladder(ui: &mut Ui, cx: &mut ViewContext<'_>, shown: &Shown<'_>, [from, to]: 
     }
     painter.vline(x(cx.frame.now), rect.y_range(), Stroke::new(1.0, tokens.accent));
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
+        // As on the timeline and in plots, a click on an axis of time goes on playing from there.
         let part = f64::from((at.x - inner.left()) / inner.width().max(1.0)).clamp(0.0, 1.0);
         cx.controls.push(Control::Seek(from.after_ns((part * span_s * 1e9) as u64)));
     }
@@ -299,7 +299,7 @@ fn list(ui: &mut Ui, cx: &mut ViewContext<'_>, shown: &Shown<'_>) {
     ui.spacing_mut().item_spacing.y = 0.0;
     let count = shown.serials.len();
     ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, count, |ui, range| {
-        let mut names = BTreeMap::new();
+        let mut names = widgets::RowNames::default();
         for index in range.map(|row| count - 1 - row) {
             let size = Vec2::new(ui.available_width(), ROW);
             let Some(point) = shown.serials.get(index) else {
@@ -308,9 +308,7 @@ fn list(ui: &mut Ui, cx: &mut ViewContext<'_>, shown: &Shown<'_>) {
             };
             // The next command moves all rows.
             let name = (point.stamp, point.value.to_bits());
-            let name = (name, widgets::nth(&mut names, name));
-            let (rect, response) =
-                widgets::named(ui, name, |ui| ui.allocate_exact_size(size, Sense::click()));
+            let (rect, response) = names.named(ui, name, |ui| ui.allocate_exact_size(size, Sense::click()));
             let name = shown.name(point.stamp);
             let sent = shown.sent(index);
             let echo = match sent.as_ref().map(|sent| sent.fate) {
@@ -328,7 +326,7 @@ fn list(ui: &mut Ui, cx: &mut ViewContext<'_>, shown: &Shown<'_>) {
                 ui.painter().rect_filled(rect, 0.0, tokens.surface[2]);
             }
             if response.clicked() {
-                cx.controls.push(Control::Seek(point.stamp));
+                cx.controls.extend(Control::pause_at(point.stamp));
             }
             let ink = if point.stamp > cx.frame.now { tokens.weak } else { tokens.text };
             let latency = match sent.as_ref().map(|sent| sent.fate) {
@@ -385,6 +383,7 @@ mod tests {
     use rcs_formula::Points;
     use rcs_runtime::source::series_of;
     use std::cell::RefCell;
+    use std::collections::BTreeMap;
     use std::sync::Arc;
 
     fn at(ms: u64) -> Stamp {

@@ -72,7 +72,7 @@ impl Origin {
             let before = if is_first { String::new() } else { text(index - 1) };
             self.found = Some(Found { at, is_first, value: text(index), before });
             if !frame.is_beside {
-                cx.controls.push(Control::Seek(at));
+                cx.controls.extend(Control::pause_at(at));
             }
             if !writer.is_empty() {
                 cx.selection.process = Some(writer.clone());

@@ -5,6 +5,9 @@ use ocu_ui::stale::LEAST_S;
 use rcs_msg::rcs::{ProcessInfo, ProcessState};
 use rcs_runtime::source::Frame;
 
+/// The words for the state of a process of which a recording that was begun in the middle of its run has no status yet.
+pub const NOT_RECORDED: &str = "NOT RECORDED YET";
+
 /// The word for a state.
 pub fn state_name(state: ProcessState) -> &'static str {
     match state {

@@ -196,7 +196,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, event: &Event, is_past: bool) {
         cx.selection.hovered.set(Hover { process, time: Some(event.stamp), ..Hover::default() });
     }
     if response.clicked() {
-        cx.controls.push(Control::Seek(event.stamp));
+        cx.controls.extend(Control::pause_at(event.stamp));
     }
     let ink = if is_past { tokens.text } else { tokens.weak };
     let (icon, color) = look(event, tokens);

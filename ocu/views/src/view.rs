@@ -253,6 +253,11 @@ pub trait View {
         None
     }
 
+    /// Whether it shows the moment in the other recording with which it compares.
+    fn shows_other(&self) -> bool {
+        false
+    }
+
     /// Whether fields can be dropped on the view.
     fn accepts_fields(&self) -> bool {
         false

@@ -32,8 +32,8 @@ const MODELS_PERIOD_S: f64 = 1.0;
 rcs_runtime::commands! {
     /// Commands of [`ColorModelLearner`].
     pub enum ColorModelsCommand {
-        Clear = "CLEAR": "Forget what was learned; begin with the model files again.",
-        Delete(ModelToDelete) = "DELETE": "Delete a model, learned or from a file.",
+        Clear = "CLEAR" once: "Forget what was learned; begin with the model files again.",
+        Delete(ModelToDelete) = "DELETE" once: "Delete a model, learned or from a file.",
         LearnOn = "LEARN_ON": "Learn, where nothing else forbids it.",
         LearnOff = "LEARN_OFF": "Keep all models as they are.",
     }

@@ -46,8 +46,8 @@ rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
     pub enum WaypointGeneratorCommand {
         GoTo(UtmGoal) = "GO_TO": "Drive to this place instead of the goal of the file.",
-        Save = "SAVE": "Write the slips now. The route is written near the goal alone, again and again.",
-        Clear = "CLEAR": "Forget the remembered route and slips until the next start, and the way and slips of this run so far.",
+        Save = "SAVE" once: "Write the slips now. The route is written near the goal alone, again and again.",
+        Clear = "CLEAR" once: "Forget the remembered route and slips until the next start, and the way and slips of this run so far.",
     }
 }
 

@@ -37,7 +37,8 @@
 //! that it has stopped the vehicle when the vehicle interface has accepted `HALT`. When the operator's authority has
 //! lapsed instead, `HALT` is sent again, but not `RUN`: what the operator halted stays halted until it is commanded
 //! again. Nor is `RUN` sent again to a child that runs by a command of its own: a limit of the speed that the operator
-//! has given outlasts `RELEASE`.
+//! has given outlasts `RELEASE`, and the status goes on naming the child. After a one-shot, such as `CLEAR`, the child
+//! runs as before, and the status names it only while the operator has it.
 //!
 //! # Where to begin
 //!

@@ -11,23 +11,23 @@ use serde::{Deserialize, Serialize};
 rcs_runtime::commands! {
     /// Commands of [`Supervisor`].
     pub enum SupervisorCommand {
-        Save = "SAVE": "Write what the next run is to remember to its buffers now, and not only every few seconds.",
-        Clear = "CLEAR": "Forget the maps and what is remembered. What was learned of the terrain around is stated again.",
+        Save = "SAVE" once: "Write what the next run is to remember to its buffers now, and not only every few seconds.",
+        Clear = "CLEAR" once: "Forget the maps and what is remembered. What was learned of the terrain around is stated again.",
     }
 }
 
 rcs_runtime::commands! {
     /// Commands of a child that has a map.
     pub enum MapCommand {
-        Clear = "CLEAR": "Forget the map.",
+        Clear = "CLEAR" once: "Forget the map.",
     }
 }
 
 rcs_runtime::commands! {
     /// Commands of a child that keeps something from one run to the next.
     pub enum MemoryCommand {
-        Save = "SAVE": "Write it to its buffer now.",
-        Clear = "CLEAR": "Forget what is remembered.",
+        Save = "SAVE" once: "Write it to its buffer now.",
+        Clear = "CLEAR" once: "Forget what is remembered.",
     }
 }
 
@@ -120,7 +120,7 @@ impl Process for Supervisor {
         {
             self.stopped = Some(why.clone());
         }
-        match (&self.stopped, essential, auxiliary.or_else(|| taken(ports, cx))) {
+        match (&self.stopped, essential, auxiliary.or_else(|| taken(ports, ChildReport::runs_on, cx))) {
             (Some(why), ..) => {
                 let text = stop_text(ports, why, cx);
                 cx.error(text);
@@ -148,7 +148,7 @@ impl Process for Supervisor {
         };
         if !stands && !self.all_halted {
             let text = "waits for the vehicle to stand";
-            return match taken(ports, cx) {
+            return match taken(ports, |_| false, cx) {
                 Some(what) => cx.exec(format!("{text}; {what}")),
                 None => cx.exec(text),
             };
@@ -193,7 +193,7 @@ fn order_child(
     let is_halt = matches!(order, Order::Halt);
     let is_run = matches!(order, Order::Run);
     let again =
-        |report: ChildReport| report.is_ordered_again(is_halt) && !(is_run && report.runs_by_own_command);
+        |report: ChildReport| report.is_ordered_again(is_halt) && !(is_run && report.own_command.is_some());
     (is_new || cx.child(child).is_some_and(again)) && cx.send(child, order.clone())
 }
 
@@ -249,9 +249,11 @@ fn reports(ports: &Ports, cx: &Cycle<'_>) -> Vec<ChildReport> {
     children.filter_map(|child| cx.child(&child)).collect()
 }
 
-/// The children that obey the operator, or do not obey their order because the operator has taken them.
-fn taken(ports: &Ports, cx: &Cycle<'_>) -> Option<String> {
+/// The children that obey the operator, or do not obey their order because the operator has taken them. Those that do
+/// `as_ordered` all the same are left out.
+fn taken(ports: &Ports, as_ordered: impl Fn(&ChildReport) -> bool, cx: &Cycle<'_>) -> Option<String> {
     let what = |report: &ChildReport| match &report.obeys_another {
+        _ if as_ordered(report) => None,
         Some(who) => Some(format!("{} obeys {who}", report.name)),
         None => report.is_overruled.then(|| format!("the operator has taken {}", report.name)),
     };
@@ -266,7 +268,7 @@ fn await_all(ports: &Ports, done: &str, cx: &mut Cycle<'_>) {
         return cx.error(why);
     }
     let waits = |report: &&ChildReport| report.state != ChildState::Done && report.obeys_another.is_none();
-    match (reports.iter().find(waits), taken(ports, cx)) {
+    match (reports.iter().find(waits), taken(ports, |_| false, cx)) {
         (Some(report), Some(what)) => cx.exec(format!("waits for {}; {what}", report.name)),
         (Some(report), None) => cx.exec(format!("waits for {}", report.name)),
         (None, Some(what)) => cx.done(format!("all other children are {done}; {what}")),

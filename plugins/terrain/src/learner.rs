@@ -27,8 +27,8 @@ use std::sync::Arc;
 rcs_runtime::commands! {
     /// Commands of [`TerrainLearner`].
     pub enum TerrainLearnerCommand {
-        Clear = "CLEAR": "Forget the map and all models.",
-        Delete(ModelToDelete) = "DELETE": "Delete a model, and forget the cells that are part of it.",
+        Clear = "CLEAR" once: "Forget the map and all models.",
+        Delete(ModelToDelete) = "DELETE" once: "Delete a model, and forget the cells that are part of it.",
     }
 }
 

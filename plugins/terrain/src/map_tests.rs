@@ -6,6 +6,8 @@ use crate::frame::{gather, join, spots, strips};
 use crate::judgement::SURE;
 use crate::scene::{Scene, terrain};
 use crate::surroundings::Part;
+use glam::DVec3;
+use rcs_geom::Pose;
 
 pub(crate) const RULES: ModelRules = ModelRules {
     min_points: 40,

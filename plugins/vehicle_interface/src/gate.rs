@@ -51,11 +51,11 @@ pub enum Refusal {
     TooFast {
         /// Which number.
         what: &'static str,
-        /// Its value.
+        /// Its value, rounded.
         got: f64,
         /// Its unit.
         unit: &'static str,
-        /// The limit.
+        /// The limit, rounded.
         limit: f64,
     },
     /// Older than a command that was accepted before.
@@ -178,9 +178,17 @@ fn within(what: &'static str, got: f64, unit: &'static str, limit: f64) -> Resul
         return Err(Refusal::NotFinite { what, got });
     }
     if got.abs() > limit {
+        let [got, limit] = rounded(got, limit);
         return Err(Refusal::TooFast { what, got, unit, limit });
     }
     Ok(())
+}
+
+/// A number and the limit that it exceeds with two decimals, or with as many more as tell them apart.
+fn rounded(got: f64, limit: f64) -> [f64; 2] {
+    let to = |scale: f64| [got, limit].map(|value| (value * scale).round() / scale);
+    let is_apart = |[got, limit]: &[f64; 2]| got.is_finite() && got.abs() > *limit;
+    [1e2, 1e3, 1e4, 1e6].into_iter().map(to).find(is_apart).unwrap_or([got, limit])
 }
 
 #[cfg(test)]
@@ -222,6 +230,8 @@ mod tests {
         check(go(f64::NAN), 1_020, 1_020, "speed is NaN");
         check(go(10.0), 1_020, 1_020, "speed is 10 m/s");
         check(go(f64::NEG_INFINITY), 1_020, 1_020, "finite");
+        check(go(5.0 / 3.0), 1_020, 1_020, "speed is 1.67 m/s, expected at most 1.3 either way");
+        check(go(-1.300_41), 1_020, 1_020, "speed is -1.3004 m/s, expected at most 1.3 either way");
         check(DriveRequest { speed_mps: 0.0, turn: Turn::Heading(f64::NAN) }, 1_020, 1_020, "heading is NaN");
         check(DriveRequest { speed_mps: 0.0, turn: Turn::Rate(f64::NAN) }, 1_020, 1_020, "turn rate is NaN");
         check(DriveRequest { speed_mps: 0.0, turn: Turn::Rate(-1.3) }, 1_020, 1_020, "turn rate is -1.3");

@@ -128,8 +128,8 @@ struct Found {
 rcs_runtime::commands! {
     /// Commands of [`MapMemoryKeeper`].
     pub enum MapMemoryCommand {
-        Save = "SAVE": "Write the map to save now.",
-        Clear = "CLEAR": "Forget the remembered map until the next start, and what this run has seen so far.",
+        Save = "SAVE" once: "Write the map to save now.",
+        Clear = "CLEAR" once: "Forget the remembered map until the next start, and what this run has seen so far.",
     }
 }
 

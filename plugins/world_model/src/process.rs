@@ -61,7 +61,7 @@ static NAMED_PORTS: [(Source, &str); 7] = [
 rcs_runtime::commands! {
     /// Commands of [`WorldModel`].
     pub enum WorldModelCommand {
-        Clear = "CLEAR": "Forget the whole map.",
+        Clear = "CLEAR" once: "Forget the whole map.",
     }
 }
 

@@ -64,7 +64,7 @@ impl Learned {
 rcs_runtime::commands! {
     /// Commands of [`WeightLearner`].
     pub enum WeightLearnerCommand {
-        Reset = "RESET": "Forget what was learned: the weights are those of the parameters again.",
+        Reset = "RESET" once: "Forget what was learned: the weights are those of the parameters again.",
     }
 }
 

@@ -113,6 +113,7 @@ impl Placed {
             }
         }
         self.transforms.clear();
+        // What is refused is told while its run is viewed.
         self.transforms.take_all(samples, placing);
         self.at = (!is_pending).then_some(at);
         &mut self.transforms

@@ -42,6 +42,8 @@ pub enum Control {
     Compare(Vec<[Compared; 2]>),
     /// Choose the files of the recording that [`Compared::Other`] means: one, several if it was split, or none.
     Against(Vec<PathBuf>),
+    /// Whether the moment in that recording is shown ([`super::Frame::other`]); until this is said, it is.
+    ShowOther(bool),
     /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
     /// the control is held; otherwise nothing is written until it is repeated. When the view goes back or to another
     /// run, the control ends: nothing is written until it has been released and is held again.
@@ -62,6 +64,11 @@ pub enum Control {
 }
 
 impl Control {
+    /// Goes to the time of something that happened, and pauses there, also where time runs.
+    pub fn pause_at(at: Stamp) -> [Self; 2] {
+        [Self::Pause, Self::Seek(at)]
+    }
+
     /// Whether it takes the view to another moment, other than by playing.
     pub fn goes_elsewhere(&self) -> bool {
         matches!(self, Self::Seek(_) | Self::Step(_) | Self::SwitchRun(_) | Self::Undo)

@@ -394,6 +394,11 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.idle = true;
                 return;
             }
+            Control::ShowOther(is_shown) => {
+                self.source.show_other(is_shown);
+                self.idle = true;
+                return;
+            }
             Control::Write { buffer, message } => self.source.write(&buffer, message),
             Control::Hold(held) => {
                 self.hands.hold(held, Instant::now(), self.source.now());

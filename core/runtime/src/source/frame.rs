@@ -47,6 +47,9 @@ pub struct SourceInfo {
     pub start: Stamp,
     /// End time; `None` if it has no end.
     pub end: Option<Stamp>,
+    /// The time from which a recording that was begun in the middle of its run is complete, if that is after its start:
+    /// before it are only the messages that held then.
+    pub complete_from: Option<Stamp>,
     /// Problems, one line each: losses, topics that cannot be decoded, what is probably a mistake in the stack.
     pub problems: Vec<String>,
     /// Long periods without messages, ascending; playing jumps over them.
@@ -321,8 +324,8 @@ pub struct Frame {
     pub comparisons: Arc<[Comparison]>,
     /// Name of the recording that [`super::Compared::Other`] means.
     pub against: Option<Arc<str>>,
-    /// The same moment in that recording, while it is compared: tracks, transforms, and the topics with maps, paths, poses
-    /// and transforms, without rates.
+    /// The same moment in that recording, while it is compared and shown ([`super::Control::ShowOther`]): tracks,
+    /// transforms, and the topics with maps, paths, poses and transforms, without rates.
     pub other: Option<Arc<Frame>>,
 }
 
@@ -360,6 +363,17 @@ impl Frame {
             }
             _ => Some(self),
         }
+    }
+
+    /// The time before which a message may be absent because the recording was begun in the middle of its run. `None`
+    /// also for a stack on such a recording, which computes its own messages.
+    pub fn recorded_from(&self) -> Option<Stamp> {
+        self.info.complete_from.filter(|_| self.info.kind == SourceKind::Log)
+    }
+
+    /// Whether a message may be absent at this moment for that reason.
+    pub fn is_before_recording(&self) -> bool {
+        self.recorded_from().is_some_and(|from| self.now < from)
     }
 
     /// The time by the clock of the transforms at a log time: what is placed at [`Frame::now`] is looked up at this.

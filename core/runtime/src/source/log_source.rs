@@ -60,6 +60,7 @@ pub(crate) fn info_of(log: &Log, kind: SourceKind) -> SourceInfo {
         detail: info.path.display().to_string(),
         start: info.start,
         end: Some(info.end),
+        complete_from: info.complete_from.filter(|from| *from > info.start),
         problems,
         gaps: info.gaps.clone(),
         log_topics: Arc::new(info.topics.iter().map(|topic| topic.name.clone()).collect()),
@@ -161,6 +162,10 @@ impl Source for LogSource {
     fn against(&mut self, files: &[PathBuf]) {
         let subject = Subject { session: None, log: Some(self.view.log()), start: self.info.start };
         self.comparing.against(files, &subject);
+    }
+
+    fn show_other(&mut self, is_shown: bool) {
+        self.comparing.show_other(is_shown);
     }
 
     fn idle(&mut self) -> bool {

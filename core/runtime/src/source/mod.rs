@@ -204,6 +204,9 @@ pub trait Source: Send {
     fn compare(&mut self, _pairs: &[[Compared; 2]]) {}
     /// Sets the files of the recording that [`Compared::Other`] means; none for no recording.
     fn against(&mut self, _files: &[std::path::PathBuf]) {}
+    /// Sets whether the moment in that recording is shown ([`Frame::other`]); until this is said, it is. Nothing is
+    /// read for it while it is not.
+    fn show_other(&mut self, _is_shown: bool) {}
     /// Leaves this much of the memory of its past to what is shown of it, bytes.
     fn reserve(&mut self, _bytes: u64) {}
     /// Background work in small pieces (for example tracks), while there are no requests, and between the frames while it

@@ -1,17 +1,22 @@
 //! Records the run of a source to a file, from any moment on.
 //!
 //! A recording that begins in the middle of a run opens with what holds at that moment (the newest message of every
-//! buffer, with its own time), the run's identity, the descriptions of all processes, and the whole journal, so that it can
-//! be shown and repeated like one from the start. It is of one run: it ends before another one begins.
+//! buffer, with its own time; of static transforms the newest one of every child frame), the run's identity, the
+//! descriptions of all processes, and the whole journal, so that it can be shown and repeated like one from the start.
+//! It is of one run: it ends before another one begins.
 
 use super::SourceError;
 use super::recording_state::{RecordingEnd, RecordingState};
-use crate::history::{Moment, Session};
+use super::tracks::frame_name;
+use crate::conversion::canonical;
+use crate::history::{Moment, RunId, Session};
 use crate::record::{RecordOptions, Recording};
-use crate::stack::names;
+use crate::role::{ROLE, Role};
+use crate::stack::{BufferPlan, names};
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_log::RecorderStatus;
-use rcs_msg::{AnyMessage, DeferredSource, Stamp};
+use rcs_msg::{AnyMessage, DeferredSource, Stamp, foxglove};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The recording of a source. Dropping it completes the file.
@@ -90,6 +95,7 @@ fn opening(session: &mut Session) -> Vec<(usize, Sample)> {
     let (last, _) = session.moment_in(run, Stamp::MAX);
     let first = Moment { run, event: 0, write: 0 };
     let names: Vec<String> = session.run().buffers().iter().map(|buffer| buffer.name().to_owned()).collect();
+    let fixed = static_transforms(session, run);
     let mut opening = Vec::new();
     for (index, name) in names.iter().enumerate() {
         if name == names::JOURNAL {
@@ -108,10 +114,47 @@ fn opening(session: &mut Session) -> Vec<(usize, Sample)> {
         {
             opening.push((index, identity));
         }
+        let is_newest =
+            |sample: &Sample| newest.as_ref().is_some_and(|newest| newest.header == sample.header);
+        let older = fixed.iter().filter(|(buffer, sample)| *buffer == index && !is_newest(sample));
+        opening.extend(older.cloned());
         opening.extend(newest.map(|sample| (index, sample)));
     }
     opening.sort_by_key(|(_, sample)| sample.header.log_time);
     opening
+}
+
+/// The messages of static transforms that still hold at the end of a run, by buffer and in the order in which they were
+/// written: of each child frame the newest one.
+fn static_transforms(session: &mut Session, run: RunId) -> Vec<(usize, Sample)> {
+    let buffers = session.run().plan().buffers.iter().enumerate();
+    let fixed: Vec<usize> = buffers.filter(|(_, buffer)| is_fixed(buffer)).map(|(index, _)| index).collect();
+    let mut newest: BTreeMap<(usize, String), Sample> = BTreeMap::new();
+    session.each_message(&fixed, &|| false, &mut |runs, buffer, sample| {
+        let Some(sample) = sample.filter(|_| runs.contains(&(run.0 as usize))) else { return };
+        for child in child_frames(&sample.message) {
+            newest.insert((buffer, child), sample.clone());
+        }
+    });
+    let by_sequence: BTreeMap<(usize, u64), Sample> =
+        newest.into_iter().map(|((buffer, _), sample)| ((buffer, sample.header.sequence), sample)).collect();
+    by_sequence.into_iter().map(|((buffer, _), sample)| (buffer, sample)).collect()
+}
+
+/// Whether the transforms of a buffer are static, by its role or by ROS's convention.
+fn is_fixed(buffer: &BufferPlan) -> bool {
+    let role = buffer.spec.metadata.get(ROLE);
+    buffer.spec.name.ends_with("/tf_static") || role.is_some_and(|role| role == Role::StaticTransforms.name())
+}
+
+/// The frames that a message places.
+fn child_frames(message: &AnyMessage) -> Vec<String> {
+    let Some(message) = canonical(message) else { return Vec::new() };
+    let transforms = match message.get::<foxglove::FrameTransforms>() {
+        Some(list) => list.transforms.as_slice(),
+        None => message.get::<foxglove::FrameTransform>().map_or(&[][..], std::slice::from_ref),
+    };
+    transforms.iter().map(|transform| frame_name(&transform.child_frame_id).to_owned()).collect()
 }
 
 /// The whole journal of the viewed run, as its messages.

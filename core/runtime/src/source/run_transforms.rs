@@ -1,6 +1,6 @@
 //! Transforms between the frames of a running stack, from its buffers, and from the recording on which it runs.
 
-use super::tracks::{frame_name, is_transform_type, pose_of, time_of, to_pose};
+use super::tracks::{frame_name, is_transform_type, pose_stated, time_of, to_pose};
 use super::transform_clock::BEGINS_AGAIN_NS;
 use crate::conversion::canonical;
 use rcs_bus::Sample;
@@ -21,6 +21,16 @@ pub(crate) struct RunTransforms {
     told: BTreeSet<String>,
     shared: Option<Arc<TransformTree>>,
     joined: Option<Joined>,
+    /// The transforms of the message taken last that were refused.
+    refused: Vec<Refusal>,
+}
+
+/// A transform that was refused.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Refusal {
+    pub(crate) parent: String,
+    pub(crate) child: String,
+    pub(crate) why: String,
 }
 
 /// The transforms of a run with those of its recording.
@@ -33,7 +43,7 @@ struct Joined {
 impl Default for RunTransforms {
     fn default() -> Self {
         let tree = TransformTree::with_history_ns(HISTORY_NS);
-        Self { tree, told: BTreeSet::new(), shared: None, joined: None }
+        Self { tree, told: BTreeSet::new(), shared: None, joined: None, refused: Vec::new() }
     }
 }
 
@@ -44,15 +54,22 @@ impl RunTransforms {
     }
 
     /// Adds messages of buffers, in the order of time. `placing` are the buffers that give poses of frames, and whether
-    /// these are static.
-    pub(crate) fn take_all(&mut self, mut samples: Vec<(usize, Sample)>, placing: &[(usize, bool)]) {
+    /// these are static. Returns the transforms that were refused, and their buffers.
+    pub(crate) fn take_all(
+        &mut self,
+        mut samples: Vec<(usize, Sample)>,
+        placing: &[(usize, bool)],
+    ) -> Vec<(usize, Refusal)> {
+        let mut refused = Vec::new();
         samples.sort_by_key(|(_, sample)| sample.header.log_time);
         for (buffer, sample) in samples {
             let is_static = placing.iter().any(|&(other, is_static)| other == buffer && is_static);
             if let Some(message) = canonical(&sample.message) {
                 self.take(sample.header.log_time, &message, is_static);
+                refused.extend(self.refused.drain(..).map(|refusal| (buffer, refusal)));
             }
         }
+        refused
     }
 
     /// Adds the frames that have no transform here as they were in `older`, which is of the same run.
@@ -82,22 +99,26 @@ impl RunTransforms {
     }
 
     fn told(&mut self, transform: &foxglove::FrameTransform, log_time: Stamp, is_static: bool) {
-        let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
-            return;
-        };
-        let Ok(pose) = pose_of(translation, rotation) else { return };
         let parent = frame_name(&transform.parent_frame_id);
         let child = frame_name(&transform.child_frame_id);
-        let mut place = || {
-            if is_static {
-                return self.tree.set_static(parent, child, pose);
+        let placed = pose_stated(transform).and_then(|pose| {
+            let placed = if is_static {
+                self.tree.set_static(parent, child, pose)
+            } else {
+                let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
+                self.insert(parent, child, time, pose)
+            };
+            placed.map_err(|error| error.to_string())
+        });
+        match placed {
+            // The pose of the frame does not change.
+            Err(why) => {
+                self.refused.push(Refusal { parent: parent.to_owned(), child: child.to_owned(), why });
             }
-            let time = time_of(transform.timestamp.as_ref().and_then(Stamp::from_proto), log_time);
-            self.insert(parent, child, time, pose)
-        };
-        // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
-        if place().is_ok() && !self.told.contains(child) {
-            self.told.insert(child.to_owned());
+            Ok(()) if !self.told.contains(child) => {
+                self.told.insert(child.to_owned());
+            }
+            Ok(()) => {}
         }
     }
 
@@ -163,6 +184,7 @@ fn join(own: &TransformTree, recorded: &TransformTree) -> TransformTree {
 mod tests {
     use super::*;
     use foxglove::{FrameTransform, FrameTransforms, Odometry, Pose, Quaternion, Vector3};
+    use rcs_bus::{Header, WriterId};
 
     const UPRIGHT: Quaternion = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
 
@@ -261,6 +283,40 @@ mod tests {
         assert_eq!([newest(100, 60), newest(101, 57), newest(102, 0)], [60, 60, 102].map(|s| Some(s * S)));
         assert_eq!([newest(103, 1), newest(104, 2)], [1, 2].map(|s| Some(s * S)));
         assert_eq!(x(&run.share(), "local", "vehicle", 2 * S), 104.0);
+    }
+
+    #[test]
+    fn a_transform_that_is_refused_is_handed_back_with_its_buffer_and_the_reason() {
+        let sample = |ns: u64, message: AnyMessage| {
+            let at = Stamp(ns);
+            let header = Header { sequence: 1, log_time: at, acq_time: at, writer: WriterId::RUNTIME };
+            Sample { header, message }
+        };
+        let unset = FrameTransform {
+            parent_frame_id: "vehicle".into(),
+            child_frame_id: "lidar".into(),
+            translation: Some(at(1.0)),
+            ..FrameTransform::default()
+        };
+        let samples = vec![
+            (3, sample(1, transform("local", "vehicle", 1, 1.0))),
+            (5, sample(2, transform("map", "vehicle", 2, 1.0))),
+            (5, sample(3, transform("vehicle", "local", 3, 1.0))),
+            (3, sample(4, AnyMessage::new(unset))),
+            (4, sample(5, odometry("global", "vehicle", 5, 1.0))),
+        ];
+        let mut run = RunTransforms::default();
+        let refused = run.take_all(samples, &[(3, false), (4, false), (5, false)]);
+        let told: Vec<(usize, &str)> =
+            refused.iter().map(|(buffer, refusal)| (*buffer, refusal.why.as_str())).collect();
+        let expected = [
+            (5, "frame \"vehicle\" already has parent \"local\", got \"map\""),
+            (5, "frame \"local\" cannot hang under \"vehicle\", which hangs under it"),
+            (3, "transform from \"lidar\" to \"vehicle\" lacks translation or rotation"),
+        ];
+        assert_eq!(told, expected, "a second odometry of a frame is a track only");
+        assert_eq!((refused[0].1.parent.as_str(), refused[0].1.child.as_str()), ("map", "vehicle"));
+        assert_eq!(run.share().parent("vehicle"), Some("local"));
     }
 
     #[test]

@@ -14,8 +14,8 @@ use super::rates::RunTimes;
 use super::recording::SourceRecording;
 use super::recording_state::RecordingEnd;
 use super::run_tag::RunTag;
-use super::run_transforms::{POSES_NS, RunTransforms};
-use super::tracks::Tracks;
+use super::run_transforms::{POSES_NS, Refusal, RunTransforms};
+use super::tracks::{Refused, Tracks};
 use super::{Source, SourceError, Step, Task};
 use crate::error::RunError;
 use crate::history::{Point, RunId, Session};
@@ -48,6 +48,7 @@ pub struct StackSource {
     topics: Vec<Topic>,
     gathering: Gathering,
     transforms: RunTransforms,
+    refused: Refused,
     /// The moment of `transforms`; `None` if they must be computed again.
     placed: Option<crate::Moment>,
     /// Buffers that give poses of frames, and whether these are static.
@@ -172,6 +173,7 @@ impl StackSource {
             topics,
             gathering,
             transforms: RunTransforms::default(),
+            refused: Refused::default(),
             placed: None,
             placing,
             now,
@@ -249,9 +251,10 @@ impl StackSource {
             });
             (samples, is_whole)
         };
+        let mut refused = Vec::new();
         let is_whole = from.is_some_and(|from| {
             let (samples, is_whole) = since(from);
-            self.transforms.take_all(samples, &self.placing);
+            refused.extend(self.transforms.take_all(samples, &self.placing));
             is_whole
         });
         if !is_whole {
@@ -264,12 +267,24 @@ impl StackSource {
                     samples.extend(self.session.latest(buffer).sample.map(|sample| (buffer, sample)));
                 }
             }
-            self.transforms.take_all(samples, &self.placing);
+            refused.extend(self.transforms.take_all(samples, &self.placing));
             if from.is_some() {
                 self.transforms.take_missing(&older);
             }
         }
         self.placed = (!pending).then_some(moment);
+        self.tell_refused(refused);
+    }
+
+    /// The source reports transforms of the run that were refused.
+    fn tell_refused(&mut self, refused: Vec<(usize, Refusal)>) {
+        let told = refused.into_iter().filter_map(|(buffer, Refusal { parent, child, why })| {
+            self.refused.tell(&self.topics[buffer].name, &parent, &child, &why)
+        });
+        let told: Vec<String> = told.collect();
+        if !told.is_empty() {
+            Arc::make_mut(&mut self.info).problems.extend(told);
+        }
     }
 
     fn update_topics(&mut self) {
@@ -525,6 +540,10 @@ impl Source for StackSource {
     fn against(&mut self, files: &[PathBuf]) {
         let subject = Subject::of(&self.session, self.recorded.as_ref(), self.info.start);
         self.comparing.against(files, &subject);
+    }
+
+    fn show_other(&mut self, is_shown: bool) {
+        self.comparing.show_other(is_shown);
     }
 
     fn idle(&mut self) -> bool {

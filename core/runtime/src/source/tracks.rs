@@ -166,6 +166,32 @@ impl<'a> Place<'a> {
     }
 }
 
+/// The transforms that were refused, by their frames.
+#[derive(Default)]
+pub(crate) struct Refused {
+    /// Parents and children; one more than [`MOST_REFUSED`] where it was told that there are more.
+    frames: BTreeSet<(String, String)>,
+}
+
+impl Refused {
+    /// What is to be told of a transform that was refused: once for its frames, and of more than [`MOST_REFUSED`] only
+    /// that there are some.
+    pub(crate) fn tell(&mut self, topic: &str, parent: &str, child: &str, why: &str) -> Option<String> {
+        if self.len() > MOST_REFUSED || !self.frames.insert((parent.to_owned(), child.to_owned())) {
+            return None;
+        }
+        Some(if self.len() > MOST_REFUSED {
+            "further transforms were refused; skipped".to_owned()
+        } else {
+            format!("{topic}: {why}; skipped")
+        })
+    }
+
+    fn len(&self) -> usize {
+        self.frames.len()
+    }
+}
+
 struct Growing {
     frame_id: Arc<str>,
     origin: Option<Enu>,
@@ -190,8 +216,7 @@ pub(crate) struct Tracks {
     transforms: usize,
     /// The topic that moves a frame, by its name; and whether another one does, too.
     moved_by: BTreeMap<String, (Arc<str>, bool)>,
-    /// Parents and children of which a transform was refused; one more than [`MOST_REFUSED`] where that is told.
-    refused: BTreeSet<(String, String)>,
+    refused: Refused,
     /// What is doubtful about the transforms, one line each.
     doubts: Vec<String>,
 }
@@ -285,7 +310,8 @@ impl Tracks {
         let parent = frame_name(&transform.parent_frame_id);
         let child = frame_name(&transform.child_frame_id);
         if let Err(why) = self.place(parent, child, transform, log_time, is_static) {
-            return self.tell_refused(topic, parent, child, &why);
+            self.doubts.extend(self.refused.tell(topic, parent, child, &why));
+            return;
         }
         self.transforms += 1;
         if is_static {
@@ -305,18 +331,6 @@ impl Tracks {
         }
     }
 
-    /// Tells why a transform was refused, once for its frames; of more than [`MOST_REFUSED`] only that there are some.
-    fn tell_refused(&mut self, topic: &str, parent: &str, child: &str, why: &str) {
-        if self.refused.len() > MOST_REFUSED || !self.refused.insert((parent.to_owned(), child.to_owned())) {
-            return;
-        }
-        self.doubts.push(if self.refused.len() > MOST_REFUSED {
-            "further transforms were refused; skipped".to_owned()
-        } else {
-            format!("{topic}: {why}; skipped")
-        });
-    }
-
     /// Adds the pose of a frame. If it is refused, the pose of the frame does not change.
     fn place(
         &mut self,
@@ -326,11 +340,7 @@ impl Tracks {
         log_time: Stamp,
         is_static: bool,
     ) -> Result<(), String> {
-        let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
-            return Err(format!("transform from \"{child}\" to \"{parent}\" lacks translation or rotation"));
-        };
-        let pose = pose_of(translation, rotation)
-            .map_err(|error| format!("transform from \"{child}\" to \"{parent}\": {error}"))?;
+        let pose = pose_stated(transform)?;
         let placed = if is_static {
             self.tree.set_static(parent, child, pose)
         } else {
@@ -439,6 +449,17 @@ fn position_and_yaw(pose: &foxglove::Pose) -> Option<(DVec3, f64)> {
 
 pub(crate) fn to_pose(pose: &foxglove::Pose) -> Option<Pose> {
     pose_of(pose.position.as_ref()?, pose.orientation.as_ref()?).ok()
+}
+
+/// The pose that a message with a transform states; the error names its frames.
+pub(crate) fn pose_stated(transform: &foxglove::FrameTransform) -> Result<Pose, String> {
+    let parent = frame_name(&transform.parent_frame_id);
+    let child = frame_name(&transform.child_frame_id);
+    let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
+        return Err(format!("transform from \"{child}\" to \"{parent}\" lacks translation or rotation"));
+    };
+    pose_of(translation, rotation)
+        .map_err(|error| format!("transform from \"{child}\" to \"{parent}\": {error}"))
 }
 
 /// A rigid transform; an error if a number is not finite or the rotation is not valid.

@@ -34,7 +34,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     check_assets(args, files)?;
     runs::check(&plan, log.as_ref(), args.until, args.course.is_some())?;
     let mut told = plan.warnings.clone();
-    told.extend(log.iter().flat_map(|log| stacks::warnings_on(&plan, log)));
+    told.extend(log.iter().flat_map(|log| stacks::warnings_on(&plan, &overrides(args), log)));
     for warning in &told {
         tracing::warn!("{warning}");
     }

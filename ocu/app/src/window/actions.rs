@@ -2,6 +2,7 @@
 
 use super::body::{Chosen, Shown, Window};
 use super::commands::Command;
+use super::dialog::note_closing_key;
 use super::focus::cancel;
 use super::leaving::{Lost, Next};
 use super::notices::Matter;
@@ -127,6 +128,7 @@ impl Window {
     ) -> bool {
         self.keymap.mark_repeats(ctx);
         self.key_list.take_key(ctx, &mut self.keymap);
+        note_closing_key(ctx, self.keymap.text(Command::Cancel));
         let commands = self.keymap.pressed(ctx, stops);
         for &command in &commands {
             // What is drawn under the pointer goes before the layout.
@@ -219,8 +221,11 @@ impl Window {
             | Command::ToStart
             | Command::ToEnd
             | Command::Loop => {
-                controls
-                    .extend(frame.and_then(|frame| self.timeline.command(command, frame, &self.selection)));
+                let control = frame.and_then(|frame| self.timeline.command(command, frame, &self.selection));
+                if control.is_some() && matches!(command, Command::NextEvent { .. }) {
+                    controls.push(Control::Pause);
+                }
+                controls.extend(control);
             }
         }
     }
@@ -242,7 +247,7 @@ impl Window {
             }
             TopBarAction::Record(path) => controls.push(recording::start(path)),
             TopBarAction::StopRecording => controls.push(Control::StopRecording),
-            TopBarAction::Seek(time) => controls.push(Control::Seek(time)),
+            TopBarAction::PauseAt(time) => controls.extend(Control::pause_at(time)),
             TopBarAction::ToNewest => {
                 controls.extend(frame.map(|frame| Control::Seek(self.timeline.newest(frame))));
             }
@@ -319,7 +324,7 @@ impl Window {
             return self.notices.error(Matter::Open, text);
         }
         match lost {
-            Some(lost) => self.leaving.ask(Next::Open(request), lost),
+            Some(lost) => self.leaving.ask(Next::open(request, &self.current), lost),
             None => self.leave_for(request, controls),
         }
     }
@@ -347,7 +352,7 @@ impl Window {
 
     pub(super) fn leaving_ui(&mut self, ui: &egui::Ui, controls: &mut Vec<Control>) {
         match self.leaving.ui(ui.ctx()) {
-            Some(Next::Open(request)) => self.leave_for(request, controls),
+            Some(Next::Open(request, _)) => self.leave_for(request, controls),
             Some(Next::Close) => ui.ctx().send_viewport_cmd(ViewportCommand::Close),
             None => {}
         }

@@ -102,6 +102,8 @@ pub struct Window {
     pub(super) gathered: Vec<rcs_formula::FieldRef>,
     /// What the source was last asked to compare.
     pub(super) compared: Vec<[Compared; 2]>,
+    /// Whether the source was last asked to show the moment in the other recording.
+    pub(super) shows_other: bool,
     pub(super) frames: FramePolicy,
     /// Number of runs of the source that the user knows of.
     pub(super) known_runs: usize,
@@ -150,6 +152,7 @@ impl Window {
             watched: Vec::new(),
             gathered: Vec::new(),
             compared: Vec::new(),
+            shows_other: true,
             frames: FramePolicy::default(),
             known_runs: 0,
             known_alarms: KnownAlarms::default(),
@@ -232,7 +235,7 @@ impl Window {
             self.perform(action, frame.as_deref(), &mut controls);
         }
         if let Some(frame) = live {
-            self.tell_branch(frame);
+            self.tell_branch(frame, stop);
             self.told.tell(frame, &mut self.notices);
         }
         let middle = match &frame {
@@ -278,6 +281,11 @@ impl Window {
                 controls.push(Control::Compare(compared.clone()));
                 self.compared = compared;
             }
+            let shows_other = self.workspace.as_ref().is_some_and(Workspace::shows_other);
+            if shows_other != self.shows_other {
+                controls.push(Control::ShowOther(shows_other));
+                self.shows_other = shows_other;
+            }
             // Repaint while the source works, or may have started to, to show the progress.
             if !controls.is_empty() || driver.busy().is_some() {
                 self.ctx.request_repaint_after(LOOK_AGAIN);
@@ -308,18 +316,26 @@ impl Window {
     }
 
     /// Says that another run has begun.
-    fn tell_branch(&mut self, frame: &Frame) {
+    fn tell_branch(&mut self, frame: &Frame, stop: StopState) {
         let known = std::mem::replace(&mut self.known_runs, frame.runs.all.len());
-        let begun = frame.runs.all.get(known.max(1)..).and_then(<[_]>::last);
-        let Some((run, (from, at))) = begun.and_then(|run| Some((run, run.branched_from?))) else { return };
-        let at = ocu_ui::format::elapsed(at.seconds_since(frame.info.start));
-        let text = format!(
-            "{} begins at {at}. What {} did after that is kept: choose a run above, or right-click the tab of a view to \
-             show both side by side.",
-            run.id, from.run
-        );
-        self.notices.news(Matter::Run, text);
+        if let Some(text) = branch_text(frame, known, stop) {
+            self.notices.news(Matter::Run, text);
+        }
     }
+}
+
+/// Where the newest run begins, if there are more of them than were known.
+fn branch_text(frame: &Frame, known: usize, stop: StopState) -> Option<String> {
+    let run = frame.runs.all.get(known.max(1)..)?.last()?;
+    let (from, at) = run.branched_from?;
+    let at = ocu_ui::format::elapsed(at.seconds_since(frame.info.start));
+    // The stop that the vehicle obeys, and not one that was just sent.
+    let stopped = if stop.can_be_released() { "; the emergency stop is in force there" } else { "" };
+    Some(format!(
+        "{} begins at {at}{stopped}. What {} did after that is kept: choose a run above, or right-click the tab of a \
+         view to show both side by side.",
+        run.id, from.run
+    ))
 }
 
 /// Whether the user did something in this pass that may have changed the arrangement.
@@ -337,4 +353,39 @@ fn may_have_changed(ui: &egui::Ui) -> bool {
         };
         input.events.iter().any(acts)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::Stamp;
+    use rcs_runtime::source::{Runs, SourceInfo};
+    use rcs_runtime::{Moment, RunSummary};
+
+    #[test]
+    fn the_beginning_of_a_run_says_that_an_emergency_stop_is_in_force_there() {
+        let from = Moment { run: RunId(0), event: 100, write: 0 };
+        let runs = [None, Some((from, Stamp(2_000_000_000)))].into_iter().zip(0..);
+        let runs = runs.map(|(branched_from, id)| RunSummary {
+            id: RunId(id),
+            branched_from,
+            end: Stamp(3_000_000_000),
+            events: 200,
+            writes: 1,
+        });
+        let runs = Runs { all: runs.collect(), ..Runs::default() };
+        let frame = Frame { runs, ..Frame::empty(Arc::new(SourceInfo::default()), Stamp(2_000_000_000)) };
+        let asked = StopState::Asked { active: true, late: false, waits: true };
+        for (stop, is_told) in [
+            (StopState::Stopped { has_speed: true }, true),
+            (StopState::Braking, true),
+            (StopState::Clear, false),
+            (asked, false),
+        ] {
+            let text = branch_text(&frame, 1, stop).unwrap();
+            assert!(text.starts_with("run 1 begins at 00:00:02.000"), "{text}");
+            assert_eq!(text.contains("the emergency stop is in force there"), is_told, "{stop:?}: {text}");
+        }
+        assert_eq!(branch_text(&frame, 2, StopState::Clear), None);
+    }
 }

@@ -145,7 +145,7 @@ impl Bookmarks {
                 };
                 ui.horizontal(|ui| {
                     if ui.button(widgets::mono(&at)).on_hover_text("Go there").clicked() {
-                        controls.push(Control::Seek(Stamp(mark.time_ns)));
+                        controls.extend(Control::pause_at(Stamp(mark.time_ns)));
                         self.wanted = mark.end_ns.map(|end_ns| [Stamp(mark.time_ns), Stamp(end_ns)]);
                     }
                     let edit =

@@ -2,7 +2,7 @@
 
 use crate::output::{self, Files};
 use crate::say;
-use egui::{Button, Key, RichText, TextEdit, Ui};
+use egui::{Button, Id, Key, RichText, TextEdit, Ui};
 use ocu_ui::tokens;
 use std::path::{Path, PathBuf};
 
@@ -15,8 +15,29 @@ pub(super) fn dialog(ctx: &egui::Context, title: &str, contents: impl FnOnce(&mu
         .default_width(480.0)
         .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
         .open(&mut open)
-        .show(ctx, contents);
+        .show(ctx, |ui| {
+            contents(ui);
+            closing_hint(ui);
+        });
     open && !ctx.input(|input| input.key_pressed(Key::Escape))
+}
+
+/// Where the key that closes dialogs and the palette is noted.
+fn closing_key() -> Id {
+    Id::unique("the key that closes dialogs")
+}
+
+/// Notes the key that closes dialogs and the palette, which they say; empty where there is none.
+pub(super) fn note_closing_key(ctx: &egui::Context, key: String) {
+    ctx.data_mut(|data| data.insert_temp(closing_key(), key));
+}
+
+/// Says which key closes what is open: Escape stops the vehicle where there is one.
+pub(super) fn closing_hint(ui: &mut Ui) {
+    let key: String = ui.data(|data| data.get_temp(closing_key())).unwrap_or_default();
+    if !key.is_empty() {
+        ui.label(RichText::new(format!("{key} closes")).small().color(tokens(ui).weak));
+    }
 }
 
 /// What is done with the file.
@@ -86,4 +107,21 @@ impl PathRow {
 pub(super) fn save(path: &Path, bytes: &[u8], mut in_use: Files) -> anyhow::Result<()> {
     in_use.writes("Save", path)?;
     output::write(path, bytes, true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+
+    #[test]
+    fn a_dialog_says_which_key_closes_it() {
+        let mut harness = Harness::builder().with_context_setup(ocu_ui::install).build_ui(|ui| {
+            note_closing_key(ui.ctx(), "F4".to_owned());
+            dialog(ui.ctx(), "Save", |_| {});
+        });
+        harness.run();
+        assert!(harness.query_by_label("F4 closes").is_some());
+    }
 }

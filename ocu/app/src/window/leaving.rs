@@ -40,19 +40,47 @@ impl Lost {
     }
 }
 
+/// How a source comes after this one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Opened {
+    /// It is another one.
+    Other,
+    /// It is this one again.
+    Again,
+    /// It is this one with what a run remembers.
+    NextRun,
+}
+
 /// What comes after the source.
 #[derive(Debug)]
 pub(super) enum Next {
-    /// Another source.
-    Open(Request),
+    /// Another source, or this one again.
+    Open(Request, Opened),
     /// The window closes.
     Close,
 }
 
 impl Next {
+    /// A source in place of the current one.
+    pub(super) fn open(request: Request, current: &Request) -> Self {
+        let next_run =
+            Request { seed: request.seed, remembered: request.remembered.clone(), ..current.clone() };
+        let opened = if request == *current {
+            Opened::Again
+        } else if request == next_run && request.remembered.is_some() {
+            Opened::NextRun
+        } else {
+            Opened::Other
+        };
+        Self::Open(request, opened)
+    }
+
+    /// What the button that leaves is called.
     fn name(&self) -> String {
         match self {
-            Self::Open(request) => format!("Leave it, open {}", request.title()),
+            Self::Open(request, Opened::Other) => format!("Leave it, open {}", request.title()),
+            Self::Open(_, Opened::Again) => "Leave it, start again".to_owned(),
+            Self::Open(_, Opened::NextRun) => "Leave it, begin the next run".to_owned(),
             Self::Close => "Leave it, close the window".to_owned(),
         }
     }
@@ -140,6 +168,7 @@ fn question_ui(ctx: &egui::Context, text: &str, leave: &str) -> Answer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::remembered::Remembered;
 
     #[test]
     fn the_window_stays_open_until_the_user_agrees_to_what_is_lost() {
@@ -151,6 +180,22 @@ mod tests {
         assert!(leaving.keeps_open(lost()), "a second attempt asks again");
         leaving.may_close = true;
         assert!(!leaving.keeps_open(lost()));
+    }
+
+    #[test]
+    fn the_button_that_leaves_says_what_comes_next() {
+        let current = Request { stack: Some("lagr".to_owned()), ..Request::default() };
+        let name = |request: Request, current: &Request| Next::open(request, current).name();
+        let next = current.remembering(Remembered::default(), Some(1));
+        assert_eq!(name(next.clone(), &current), "Leave it, begin the next run");
+        assert_eq!(
+            name(next.remembering(Remembered::default(), Some(2)), &next),
+            "Leave it, begin the next run"
+        );
+        assert_eq!(name(next.clone(), &next), "Leave it, start again");
+        assert_eq!(name(current.clone(), &next), "Leave it, open lagr");
+        let log = Request { log: Some("drive.mcap".into()), ..Request::default() };
+        assert_eq!(name(log, &current), "Leave it, open drive.mcap");
     }
 
     #[test]

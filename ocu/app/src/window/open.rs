@@ -1,6 +1,7 @@
 //! Opens sources in the background, and asks the user which one.
 
 use super::complete::{Completion, expanded};
+use super::dialog::closing_hint;
 use crate::layout::write_whole;
 use crate::open::Request;
 use crate::say;
@@ -187,6 +188,7 @@ impl Opener {
                         chosen = Some(Picked::Recent(recent.clone()));
                     }
                 }
+                closing_hint(ui);
             });
         if browse {
             self.browse();

@@ -42,6 +42,8 @@ pub(super) enum StopState {
         active: bool,
         /// Whether the confirmation is overdue.
         late: bool,
+        /// Whether time stands, so that the vehicle cannot confirm it yet.
+        waits: bool,
     },
 }
 
@@ -191,12 +193,13 @@ impl Operating {
             Some(asked) if !asked.is_confirmed(frame) => StopState::Asked {
                 active: asked.active,
                 late: frame.playback.playing && asked.since.elapsed() > LATE,
+                waits: !frame.playback.playing,
             },
             _ => match operator::vehicle(frame) {
                 Some((topic, status)) if status.emergency_stopped => {
                     let speed_mps = status.speed_mps.abs();
                     if is_silent(frame, topic) {
-                        StopState::Asked { active: true, late: true }
+                        StopState::Asked { active: true, late: true, waits: false }
                     } else if speed_mps >= STANDS_MPS {
                         StopState::Braking
                     } else {
@@ -402,7 +405,7 @@ mod tests {
         assert_eq!(state(&old(1.3, false, true)), stopped, "time stands");
         assert_eq!(state(&old(1.3, true, false)), stopped, "the past");
         let silent = old(1.3, true, true);
-        assert_eq!(state(&silent), StopState::Asked { active: true, late: true });
+        assert_eq!(state(&silent), StopState::Asked { active: true, late: true, waits: false });
         assert!(!Asked::new(&silent, true, Instant::now()).is_confirmed(&silent), "pressed again");
     }
 }

@@ -2,6 +2,7 @@
 //! changed.
 
 use super::commands::{COMMANDS, Command, Entry, Group, HELD, Needs};
+use super::dialog::closing_hint;
 use super::keymap::Keymap;
 use super::shortcut::Shortcut;
 use egui::{Align2, Event, Key, RichText, ScrollArea, TextEdit, Vec2};
@@ -66,8 +67,10 @@ impl Palette {
         lines.retain(|(name, ..)| fits(name));
         self.marked = self.marked.min(lines.len().saturating_sub(1));
         let mut chosen = None;
+        // The click that opens the palette is beside it.
+        let opens = self.fresh;
         let frame = egui::Frame::popup(&ctx.global_style()).inner_margin(egui::Margin::same(8));
-        egui::Area::new(egui::Id::unique("palette"))
+        let area = egui::Area::new(egui::Id::unique("palette"))
             .order(egui::Order::Foreground)
             .anchor(Align2::CENTER_TOP, Vec2::new(0.0, 64.0))
             .show(ctx, |ui| {
@@ -110,10 +113,12 @@ impl Palette {
                     if lines.is_empty() {
                         ui.label(RichText::new("Nothing has this name.").color(tokens(ui).weak));
                     }
+                    closing_hint(ui);
                 });
             });
         let escaped = ctx.input(|input| input.key_pressed(Key::Escape));
-        if chosen.is_some() || escaped {
+        let is_left = !opens && area.response.clicked_elsewhere();
+        if chosen.is_some() || escaped || is_left {
             self.open = false;
         }
         chosen
@@ -295,6 +300,29 @@ mod tests {
         harness.state_mut().toggle();
         harness.run_steps(4);
         assert_eq!(height(&harness), before);
+    }
+
+    #[test]
+    fn the_palette_says_which_key_closes_it_and_a_click_beside_it_closes_it() {
+        let mut harness =
+            Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
+                |ui, palette: &mut Palette| {
+                    super::super::dialog::note_closing_key(ui.ctx(), "F4".to_owned());
+                    palette.ui(ui.ctx(), &Keymap::default(), &[], |_| true);
+                },
+                Palette::default(),
+            );
+        harness.state_mut().toggle();
+        harness.run_steps(4);
+        assert!(harness.query_by_label("F4 closes").is_some());
+        let field = harness.get_by_label("Find a command").rect().center();
+        for (at, is_open) in [(field, true), (egui::Pos2::new(20.0, 580.0), false)] {
+            harness.drag_at(at);
+            harness.step();
+            harness.drop_at(at);
+            harness.step();
+            assert_eq!(harness.state().is_open(), is_open, "{at}");
+        }
     }
 
     #[test]

@@ -10,6 +10,8 @@ use rcs_msg::Stamp;
 const GAP_PART: f64 = 0.03;
 /// Maximum share of the bar for all gaps together.
 const GAPS_PART: f64 = 0.4;
+/// Distance at which the pointer means a mark.
+const NEAR: f32 = 4.0;
 
 /// A period of time and its share of the bar.
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +112,33 @@ impl Scale {
     ) {
         let rest = Rect::from_min_max(egui::pos2(self.x(from), bar.top()), bar.right_bottom());
         painter.rect_filled(rest, 0.0, tokens.surface[2].gamma_multiply(0.6));
+    }
+
+    /// Paints where a recording that was begun in the middle of its run becomes complete: the part before is darker,
+    /// and a line ends it.
+    pub(super) fn paint_beginning(
+        &self,
+        painter: &egui::Painter,
+        tokens: &ocu_ui::Tokens,
+        bar: Rect,
+        from: Stamp,
+    ) {
+        let before = Rect::from_x_y_ranges(bar.left()..=self.x(from), bar.y_range());
+        painter.rect_filled(before, 0.0, tokens.surface[2].gamma_multiply(0.6));
+        if self.shows(from) {
+            painter.vline(self.x(from), bar.y_range(), Stroke::new(1.0, tokens.text));
+        }
+    }
+
+    /// Whether a time is in the shown range.
+    fn shows(&self, stamp: Stamp) -> bool {
+        let [first, last] = self.range();
+        (first..=last).contains(&stamp)
+    }
+
+    /// Whether a place on the screen means the mark of a time that the bar shows.
+    pub(super) fn is_near(&self, x: f32, stamp: Stamp) -> bool {
+        self.shows(stamp) && (x - self.x(stamp)).abs() <= NEAR
     }
 
     /// Paints the gaps, with their durations where there is room.

@@ -39,7 +39,7 @@ impl Window {
         }
         if let Some(remembered) = request.remembered.as_deref().filter(|_| request.stack.is_some()) {
             let names = remembered.in_force(&driver.frame()).join(", ");
-            let text = format!("begins with what an earlier run remembers: {names}");
+            let text = format!("this run is given what an earlier run remembers: {names}");
             self.notices.news(Matter::Run, text);
         }
         if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
@@ -48,6 +48,7 @@ impl Window {
         self.watched.clear();
         self.gathered.clear();
         self.compared.clear();
+        self.shows_other = true;
         (self.known_runs, self.known_alarms) = (0, KnownAlarms::default());
         self.leaving = Leaving::default();
         self.marks = Bookmarks::of(request.log.as_deref());
@@ -89,6 +90,7 @@ impl Window {
         driver.send(Control::Gather(self.gathered.clone()));
         driver.send(Control::Against(self.dialogs.other.clone()));
         driver.send(Control::Compare(self.compared.clone()));
+        driver.send(Control::ShowOther(self.shows_other));
         match new.info.end {
             // Whoever looks at the end goes on looking at it.
             Some(end) if old.info.end.is_some_and(|end| old.now >= end) => driver.send(Control::Seek(end)),

@@ -28,6 +28,8 @@ pub(super) struct States<'a> {
     series: &'a FieldSeries,
     /// The age from which a status is outdated, s. A recording may have fewer statuses than there were.
     limit_s: f64,
+    /// The time before which a status may be absent because it was not recorded yet.
+    recorded_from: Stamp,
 }
 
 impl<'a> States<'a> {
@@ -37,7 +39,9 @@ impl<'a> States<'a> {
         let series = frame.field(&field(frame, process)?, RunTag::Run(frame.runs.current()))?;
         let (first, last) = (series.points.get(0)?, series.points.last()?);
         let spacing_s = last.stamp.seconds_since(first.stamp) / series.points.len() as f64;
-        Some(Self { process: info, series, limit_s: status_limit_s(info).max(3.0 * spacing_s) })
+        let limit_s = status_limit_s(info).max(3.0 * spacing_s);
+        let recorded_from = frame.recorded_from().unwrap_or_default();
+        Some(Self { process: info, series, limit_s, recorded_from })
     }
 
     /// The state from `from` until before `to`: the gravest of the statuses in between, else that of the last one while it
@@ -58,6 +62,12 @@ impl<'a> States<'a> {
             (from.seconds_since(before.stamp) <= self.limit_s).then_some(before.value)?
         };
         ProcessState::try_from(value as i32).ok()
+    }
+
+    /// The state from `from` until before `to` in words.
+    fn word(&self, from: Stamp, to: Stamp) -> &'static str {
+        let absent = if from < self.recorded_from { "not recorded yet" } else { "no status" };
+        self.state(from, to).map_or(absent, state_name)
     }
 
     /// Paints the lane. Returns what is under the pointer, for a tooltip.
@@ -84,8 +94,7 @@ impl<'a> States<'a> {
         }
         let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|at| rect.contains(*at))?;
         let at = scale.stamp(pointer.x);
-        let state = self.state(at, scale.stamp(pointer.x + STEP));
-        let state = state.map_or("no status", state_name);
+        let state = self.word(at, scale.stamp(pointer.x + STEP));
         Some(format!("{}  {}: {state}", format::elapsed(at.seconds_since(scale.origin())), self.process.name))
     }
 }
@@ -112,7 +121,8 @@ mod tests {
             reading: None,
             problem: None,
         };
-        let states = States { process: &process, series: &series, limit_s: status_limit_s(&process) };
+        let limit_s = status_limit_s(&process);
+        let states = States { process: &process, series: &series, limit_s, recorded_from: at(1250) };
         let state = |from: u64, to: u64| states.state(at(from), at(to));
         assert_eq!(state(0, 100), Some(ProcessState::Exec));
         assert_eq!(state(400, 600), Some(ProcessState::Error));
@@ -123,5 +133,7 @@ mod tests {
         assert_eq!(state(1200, 1300), None);
         assert_eq!(state(2990, 3010), Some(ProcessState::Exec));
         assert_eq!(state(3001, 3002), None, "after the last one");
+        let word = |from: u64| states.word(at(from), at(from + 1));
+        assert_eq!([1100, 1249, 1250].map(word), ["EXEC", "not recorded yet", "no status"]);
     }
 }

@@ -39,7 +39,7 @@ impl Look {
                 is_open: false,
                 help: "Emergency stop (Esc)",
             },
-            StopState::Asked { active, late } => Self {
+            StopState::Asked { active, late, waits } => Self {
                 word: match (active, late) {
                     (_, true) => "NOT CONFIRMED",
                     (true, false) => "STOPPING…",
@@ -50,10 +50,13 @@ impl Look {
                 ink: tokens.on_warning,
                 edge: Stroke::NONE,
                 is_open: true,
-                help: if late {
-                    "The vehicle does not say that it obeys. Press to stop."
-                } else {
-                    "Sent; the vehicle has not said yet that it obeys. Press to stop."
+                help: match (waits, active, late) {
+                    (true, true, _) => "Time stands: the stop takes effect when time goes on (space).",
+                    (true, false, _) => {
+                        "Time stands: the release takes effect when time goes on (space). Press to stop."
+                    }
+                    (false, _, true) => "The vehicle does not say that it obeys. Press to stop.",
+                    (false, _, false) => "Sent; the vehicle has not said yet that it obeys. Press to stop.",
                 },
             },
             StopState::Braking => Self {
@@ -150,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_press_on_the_stop_counts_although_the_state_changes_before_the_release() {
-        let late = StopState::Asked { active: true, late: true };
+        let late = StopState::Asked { active: true, late: true, waits: false };
         for [first, then] in [
             [StopState::Braking, late],
             [late, StopState::Braking],

@@ -18,6 +18,9 @@ use std::collections::BTreeMap;
 /// Height of the bar.
 const BAR: f32 = 28.0;
 const SECOND_NS: i64 = 1_000_000_000;
+/// What the mark of a recording that was begun in the middle of its run means.
+const BEGUN: &str = "The recording is complete from here on. It was begun in the middle of its run: before this moment \
+                     it has only the newest message of each buffer.";
 /// The shortest period that the bar shows, ns.
 const LEAST_RANGE_NS: f64 = 1e6;
 
@@ -155,6 +158,7 @@ impl Timeline {
             Some(Zoomed::Whole) => self.range = None,
             Some(Zoomed::Part(range)) => self.range = Some(range),
         }
+        let begun = paint_beginning(&painter, tokens, &scale, rect, frame, response.hover_pos());
         let mark = events.and_then(|events| {
             let place = Rect::from_min_size(
                 egui::pos2(inner.left(), rect.top() + 5.0),
@@ -192,7 +196,7 @@ impl Timeline {
             painter.vline(scale.x(time), rect.y_range(), Stroke::new(1.0, tokens.weak));
         }
 
-        let response = match (&mark, state.or(counts)) {
+        let response = match (&mark, begun.or(state).or(counts)) {
             (Some(event), _) => {
                 response.on_hover_ui_at_pointer(|ui| lanes::describe(ui, event, frame.info.start))
             }
@@ -203,13 +207,16 @@ impl Timeline {
             self.asked = None;
             return;
         };
-        // A click on a mark goes to its very time.
-        let to =
-            mark.filter(|_| !response.dragged()).map_or_else(|| scale.stamp(pointer.x), |event| event.stamp);
+        // A click on a mark goes to its very time and pauses there; elsewhere on the bar, time goes on from the click.
+        let event = mark.filter(|_| !response.dragged());
+        let to = event.as_ref().map_or_else(|| scale.stamp(pointer.x), |event| event.stamp);
         // The last move and the release may fall into one pass, and with slow passes so may the whole drag.
         let is_drag = response.dragged() || response.drag_stopped() || pressed_and_released_in(ui, rect);
         if response.clicked() || is_drag {
             if self.asked != Some(to) {
+                if event.is_some() && response.clicked() {
+                    controls.push(Control::Pause);
+                }
                 controls.push(Control::Seek(to));
                 (self.asked, self.going_to) = (Some(to), Some(to));
             }
@@ -249,6 +256,20 @@ impl Timeline {
 enum Zoomed {
     Whole,
     Part([Stamp; 2]),
+}
+
+/// Paints from when on a recording is complete; returns what that means if the pointer is there.
+fn paint_beginning(
+    painter: &egui::Painter,
+    tokens: &Tokens,
+    scale: &Scale,
+    rect: Rect,
+    frame: &Frame,
+    pointer: Option<egui::Pos2>,
+) -> Option<String> {
+    let from = frame.info.complete_from?;
+    scale.paint_beginning(painter, tokens, rect, from);
+    scale.is_near(pointer?.x, from).then(|| BEGUN.to_owned())
 }
 
 /// What a turn of the wheel over the bar shows next: it zooms at the pointer, and shift (or a horizontal wheel) pans.
@@ -301,4 +322,85 @@ fn pressed_and_released_in(ui: &egui::Ui, rect: Rect) -> bool {
         let press = input.events.iter().position(|event| is_button(event, true));
         press.is_some_and(|press| input.events[press..].iter().any(|event| is_button(event, false)))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+    use rcs_msg::rcs::Status;
+    use rcs_msg::schema_of;
+    use rcs_runtime::source::{Event, EventLevel, Events, RunTag, SourceInfo, Topic};
+    use std::sync::Arc;
+
+    /// Whether the timeline of a recording of ten seconds that is complete from `from_s` on says so under the pointer
+    /// at this part of its bar.
+    fn is_told(from_s: Option<u64>, part: f32) -> bool {
+        let complete_from = from_s.map(|s| Stamp(s * 1_000_000_000));
+        let info = SourceInfo { end: Some(Stamp(10_000_000_000)), complete_from, ..SourceInfo::default() };
+        let frame = Frame::empty(Arc::new(info), Stamp(0));
+        let (mut timeline, mut selection) = (Timeline::default(), Selection::default());
+        let mut marks = Bookmarks::default();
+        let mut harness = Harness::builder()
+            .with_size(egui::vec2(600.0, 120.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(|ui| timeline.ui(ui, &frame, &mut selection, None, &mut marks, &mut Vec::new()));
+        harness.run_steps(4);
+        let bar = harness.get_by_label("Time").rect().shrink2(egui::vec2(8.0, 0.0));
+        harness.hover_at(egui::pos2(bar.left() + part * bar.width(), bar.center().y));
+        harness.run_steps(8);
+        harness.query_by_label(BEGUN).is_some()
+    }
+
+    /// What a click at this part of a timeline asks for, in the lane of the only event: an error at 4 s of 10 s.
+    fn clicked(part: f32) -> Vec<Control> {
+        let topic = Topic::new("/a/status", RunTag::FIRST, Arc::clone(schema_of::<Status>()));
+        let error = Event {
+            stamp: Stamp(4_000_000_000),
+            kind: EventKind::Error,
+            level: EventLevel::Error,
+            source: "a".into(),
+            text: "fails".into(),
+        };
+        let info = SourceInfo { end: Some(Stamp(10_000_000_000)), ..SourceInfo::default() };
+        let frame = Frame {
+            topics: Arc::new([topic]),
+            events: Arc::new([Events::of(RunTag::FIRST, [error])]),
+            ..Frame::empty(Arc::new(info), Stamp(0))
+        };
+        let (mut timeline, mut selection) = (Timeline::default(), Selection::default());
+        let (mut marks, mut controls) = (Bookmarks::default(), Vec::new());
+        let mut harness = Harness::builder()
+            .with_size(egui::vec2(600.0, 120.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(|ui| timeline.ui(ui, &frame, &mut selection, None, &mut marks, &mut controls));
+        harness.run_steps(4);
+        let bar = harness.get_by_label("Time").rect().shrink2(egui::vec2(8.0, 0.0));
+        // The lane of errors is the first one.
+        let at = egui::pos2(bar.left() + part * bar.width(), bar.top() + 8.0);
+        harness.hover_at(at);
+        harness.run_steps(2);
+        harness.drag_at(at);
+        harness.run_steps(1);
+        harness.drop_at(at);
+        harness.run_steps(2);
+        drop(harness);
+        controls
+    }
+
+    #[test]
+    fn a_click_on_an_event_pauses_there_and_one_beside_it_goes_on_playing() {
+        let on_it = clicked(0.4);
+        let at = Stamp(4_000_000_000);
+        assert!(matches!(on_it[..], [Control::Pause, Control::Seek(to)] if to == at), "{on_it:?}");
+        let beside = clicked(0.6);
+        assert!(matches!(beside[..], [Control::Seek(to)] if to > at), "{beside:?}");
+    }
+
+    #[test]
+    fn the_moment_from_which_a_recording_is_complete_is_told_under_the_pointer() {
+        assert!(is_told(Some(4), 0.4));
+        assert!(!is_told(Some(4), 0.6) && !is_told(None, 0.4));
+    }
 }

@@ -22,7 +22,7 @@ pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<TopBarAction> {
     actions
 }
 
-/// What the source is and does.
+/// What the source is and does. Tags with a short form become short before the menus at the right lose their names.
 fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
     bar.left("open", Fit::Leaves(90), |ui, form, actions| open_menu(ui, form, state, actions));
     if state.current.log.is_some() || state.current.stack.is_some() {
@@ -63,17 +63,17 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
         bar.left("held", Fit::Stays, |ui, form, actions| held::menu(ui, form, frame, actions));
     }
     if !frame.processes.is_empty() {
-        bar.left("processes", Fit::Leaves(110), |ui, form, _| run_state(ui, form, frame));
+        bar.left("processes", Fit::Shortens(110), |ui, form, _| run_state(ui, form, frame));
     }
     if frame.info.kind != SourceKind::Log {
-        bar.left("record", Fit::Leaves(112), |ui, form, actions| {
+        bar.left("record", Fit::Shortens(112), |ui, form, actions| {
             recording::ui(ui, form, state, frame, actions);
         });
     }
     if frame.info.kind != SourceKind::Log && !frame.runs.is_at_end && !frame.runs.all.is_empty() {
         bar.left("past", Fit::Leaves(105), |ui, form, actions| past(ui, form, state, frame, actions));
     }
-    bar.left("authority", Fit::Leaves(85), |ui, form, _| authority(ui, form, frame));
+    bar.left("authority", Fit::Shortens(85), |ui, form, _| authority(ui, form, frame));
     bar.left("alarms", Fit::Leaves(115), |ui, form, actions| alarms(ui, form, state, frame, actions));
     bar.left("title", Fit::Stretches(64.0), |ui, _, _| {
         let title = egui::RichText::new(state.current.shown_title(&frame.info)).color(tokens(ui).strong);

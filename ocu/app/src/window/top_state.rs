@@ -43,8 +43,8 @@ pub(super) enum TopBarAction {
     Record(PathBuf),
     /// End the recording.
     StopRecording,
-    /// Go to a time.
-    Seek(rcs_msg::Stamp),
+    /// Go to the time of something that happened, and pause there.
+    PauseAt(rcs_msg::Stamp),
     /// Go to the newest time of the run that is shown.
     ToNewest,
     /// The alarms of the viewed run up to this time are known.

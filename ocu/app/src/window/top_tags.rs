@@ -6,12 +6,11 @@ use super::top_state::{Actions, State, TopBarAction};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use ocu_views::operator;
-use ocu_views::process_state::silent_s;
+use ocu_views::process_state::{NOT_RECORDED, silent_s};
 use rcs_msg::Stamp;
 use rcs_msg::rcs::ProcessState;
 use rcs_runtime::VIEWER;
 use rcs_runtime::source::{Event, Frame, SourceKind, Topic};
-use std::collections::BTreeMap;
 
 /// Who holds the authority after a command of the operator.
 const OPERATOR: &str = "operator";
@@ -125,21 +124,27 @@ pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &F
             ui.close();
         }
         ui.separator();
-        for (command, on) in
-            [(Command::Silence, None), (Command::AlarmSound, Some(state.alarm_sound.is_on()))]
-        {
-            let Some(entry) = entry_of(command) else { continue };
-            let button = egui::Button::selectable(on == Some(true), entry.name);
-            let button = button.shortcut_text(state.keymap.text(command));
+        if let Some(entry) = entry_of(Command::Silence) {
+            let button = egui::Button::selectable(false, entry.name);
+            let button = button.shortcut_text(state.keymap.text(Command::Silence));
             if widgets::named(ui, entry.name, |ui| ui.add(button).clicked()) {
-                actions.push(TopBarAction::Run(command));
+                actions.push(TopBarAction::Run(Command::Silence));
             }
+        }
+        if sound_choice(ui, state.alarm_sound.is_on()) {
+            actions.push(TopBarAction::Run(Command::AlarmSound));
         }
         if state.alarm_sound.is_mute() {
             let text = "This computer has no player or no device for sounds.";
             ui.label(egui::RichText::new(text).small().color(tokens(ui).weak));
         }
     });
+}
+
+/// Whether alarms are heard, as a check mark; returns whether that is switched.
+fn sound_choice(ui: &mut egui::Ui, is_on: bool) -> bool {
+    let mut chosen = is_on;
+    widgets::named(ui, "sound", |ui| ui.checkbox(&mut chosen, "Sound of alarms").changed())
 }
 
 /// The button that acknowledges, and the alarms, the latest first. The button is above them, where it does not move when
@@ -154,14 +159,13 @@ fn alarm_list(ui: &mut egui::Ui, errors: &[Event], start: Stamp) -> Option<TopBa
         action = Some(TopBarAction::Acknowledge(seen_until));
     }
     ui.separator();
-    let mut names = BTreeMap::new();
+    let mut names = widgets::RowNames::default();
     for event in errors {
         let time = format::elapsed(event.stamp.seconds_since(start));
         let line = format!("{time}  {}: {}", event.source, event.text);
         let name = (event.stamp, &event.source, &event.text);
-        let count = widgets::nth(&mut names, name);
-        if widgets::named(ui, (name, count), |ui| alarm_line(ui, &line)) {
-            action = Some(TopBarAction::Seek(event.stamp));
+        if names.named(ui, name, |ui| alarm_line(ui, &line)) {
+            action = Some(TopBarAction::PauseAt(event.stamp));
         }
     }
     action
@@ -209,22 +213,26 @@ pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
     } else if silent_count > 0 {
         (format!("{silent_count} of {all} NO STATUS"), tokens.warning)
     } else if states.iter().any(Option::is_none) {
-        ("NOT STARTED".to_owned(), tokens.unknown)
+        let word = if frame.is_before_recording() { NOT_RECORDED } else { "NOT STARTED" };
+        (word.to_owned(), tokens.unknown)
     } else if done == all {
         ("DONE".to_owned(), tokens.text)
     } else {
         (format!("{} of {all} EXEC", count(ProcessState::Exec)), tokens.ok)
     };
     let text = match form {
-        Form::Short => text.replace(" of ", "/").replace("NOT STARTED", "OFF"),
+        Form::Short => {
+            text.replace(" of ", "/").replace("NOT STARTED", "OFF").replace(NOT_RECORDED, "NO DATA")
+        }
         Form::Full | Form::Listed => text,
     };
+    let absent = if frame.is_before_recording() { "not recorded yet" } else { "no status yet" };
     let names: Vec<String> = frame
         .processes
         .iter()
         .zip(states.iter().zip(&silent))
         .map(|(process, (state, silent))| {
-            let state = state.map_or("no status yet", |state| state.as_str_name());
+            let state = state.map_or(absent, |state| state.as_str_name());
             let old = silent.map(|age_s| format!(", no status for {}", format::age(age_s)));
             format!("{}: {state}{}", process.name, old.unwrap_or_default())
         })
@@ -236,13 +244,14 @@ pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
 mod tests {
     use super::*;
     use crate::open::Request;
+    use egui::accesskit::Toggled;
     use egui_kittest::Harness;
-    use egui_kittest::kittest::Queryable as _;
+    use egui_kittest::kittest::{NodeT as _, Queryable as _};
     use rcs_bus::{Header, Sample, WriterId};
     use rcs_msg::rcs::{self, ProcessInfo, Status};
     use rcs_msg::{AnyMessage, schema_of};
-    use rcs_runtime::source::{EventKind, EventLevel, RunTag, Source, Task};
-    use std::cell::RefCell;
+    use rcs_runtime::source::{EventKind, EventLevel, RunTag, Source, SourceInfo, Task};
+    use std::cell::{Cell, RefCell};
     use std::sync::Arc;
 
     fn shown<'a>(add: impl FnMut(&mut egui::Ui) + 'a) -> Harness<'a> {
@@ -292,6 +301,21 @@ mod tests {
     }
 
     #[test]
+    fn processes_are_not_said_not_to_have_started_before_their_recording_begins() {
+        let mut frame = frame(&[("works", ProcessState::Exec, 0)]);
+        frame.topics = Arc::new([]);
+        for (complete_from, text) in [
+            (None, "NOT STARTED"),
+            (Some(frame.now.after_ns(1)), NOT_RECORDED),
+            (Some(frame.now), "NOT STARTED"),
+        ] {
+            frame.info = Arc::new(SourceInfo { complete_from, ..SourceInfo::default() });
+            let harness = shown(|ui| run_state(ui, Form::Full, &frame));
+            assert!(harness.query_by_label(text).is_some(), "{text}");
+        }
+    }
+
+    #[test]
     fn a_long_alarm_is_shown_in_full_under_the_pointer() {
         let line = format!("00:00:01.000  planner: no way {}is free", "to the goal ".repeat(20));
         let mut harness = shown(|ui| {
@@ -302,6 +326,17 @@ mod tests {
         harness.hover_at(button.center());
         harness.run_steps(8);
         assert_eq!(harness.query_all_by_label(&line).count(), 2, "the line, and its help");
+    }
+
+    #[test]
+    fn the_menu_of_alarms_has_a_check_mark_where_they_are_heard() {
+        let is_on = Cell::new(true);
+        let mut harness = shown(|ui| is_on.set(is_on.get() != sound_choice(ui, is_on.get())));
+        let mark = |harness: &Harness<'_>| harness.get_by_label("Sound of alarms").accesskit_node().toggled();
+        assert_eq!(mark(&harness), Some(Toggled::True));
+        harness.get_by_label("Sound of alarms").click();
+        harness.run();
+        assert_eq!(mark(&harness), Some(Toggled::False));
     }
 
     /// Presses what has a label in a list of alarms at these seconds, then shows another list, and releases.
@@ -346,7 +381,9 @@ mod tests {
     #[test]
     fn a_press_on_an_alarm_goes_to_no_other_one_that_takes_its_place() {
         for then in [&[3][..], &[9, 3, 2]] {
-            let Some(TopBarAction::Seek(at)) = pressed(&[3, 2], "fault 3", then) else { panic!("nowhere") };
+            let Some(TopBarAction::PauseAt(at)) = pressed(&[3, 2], "fault 3", then) else {
+                panic!("nowhere")
+            };
             assert_eq!(at, Stamp(3_000_000_000), "{then:?}");
         }
         assert!(pressed(&[3, 2], "fault 3", &[9, 2]).is_none());

@@ -94,6 +94,11 @@ impl Workspace {
         self.union(|pane| pane.view.compares().into_iter().collect())
     }
 
+    /// Whether a view shows the moment in the other recording of a comparison.
+    pub(super) fn shows_other(&self) -> bool {
+        self.union(|pane| vec![pane.view.shows_other()]).contains(&true)
+    }
+
     /// What all views need, each once.
     fn union<T: Ord>(&self, of: impl Fn(&Pane) -> Vec<T>) -> Vec<T> {
         let panes = self.tree.tiles.tiles().filter_map(|tile| match tile {

@@ -13,7 +13,7 @@ use ocu_ui::{format, icons, stale, tokens, widgets};
 use rcs_runtime::source::{Frame, Topic};
 use rows::Row;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 const ROW: f32 = 20.0;
@@ -161,15 +161,14 @@ impl View for Buffers {
         self.header(ui, &columns);
         ui.spacing_mut().item_spacing.y = 0.0;
         ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, rows.len(), |ui, range| {
-            let mut names = BTreeMap::new();
+            let mut names = widgets::RowNames::default();
             for row in &rows[range] {
                 // A row moves when another topic comes, or when its rate or age changes its place.
                 let name = match row {
                     Row::Group { key, .. } => (key.as_str(), None),
                     Row::Topic { topic, .. } => (&*topic.name, Some(topic.run)),
                 };
-                let name = (name, widgets::nth(&mut names, name));
-                widgets::named(ui, name, |ui| match row {
+                names.named(ui, name, |ui| match row {
                     Row::Group { key, title, depth, count } => self.group(ui, key, title, *depth, *count),
                     Row::Topic { topic, name, depth } => self::row(ui, cx, topic, name, *depth, &columns),
                 });

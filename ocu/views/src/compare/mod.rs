@@ -62,6 +62,10 @@ impl View for Compare {
         self.shown
     }
 
+    fn shows_other(&self) -> bool {
+        self.saved.map && self.shown.is_some_and(|sides| sides.contains(&Compared::Other))
+    }
+
     fn runs(&self) -> Vec<RunId> {
         let runs = self.shown.iter().flatten().filter_map(|side| match side {
             Compared::Run(run) => Some(*run),
@@ -252,7 +256,7 @@ fn summary(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison) {
         let text = format!("since {since}");
         let link = ui.link(widgets::mono(&text)).on_hover_text("Go to the first difference");
         if link.clicked() {
-            cx.controls.push(Control::Seek(first.time));
+            cx.controls.extend(Control::pause_at(first.time));
         }
         ui.label(widgets::mono(&first.buffer).color(tokens.text));
     } else if let Some(until) = &until {

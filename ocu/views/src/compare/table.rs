@@ -134,7 +134,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, differenc
         WidgetInfo::labeled(Role::Button, true, text)
     });
     if response.clicked() {
-        cx.controls.push(Control::Seek(difference.time));
+        cx.controls.extend(Control::pause_at(difference.time));
         cx.selection.topic = Some(key);
         if frame.processes.iter().any(|info| info.name == *writer) {
             cx.selection.process = Some(writer.into());

@@ -1,6 +1,6 @@
 //! The colour of a box, and of the line to its supervisor (Albus 2006a, figure 15).
 
-use crate::process_state::{state_color, state_name, status_limit_s};
+use crate::process_state::{NOT_RECORDED, state_color, state_name, status_limit_s};
 use egui::{Color32, Stroke};
 use ocu_ui::stale::LEAST_S;
 use ocu_ui::{Tokens, format};
@@ -29,6 +29,8 @@ pub(super) struct State<'a> {
     pub(super) age_s: Option<f64>,
     /// Whether its buffers and its supervisor are there.
     pub(super) connected: bool,
+    /// Whether its status may be absent because it was not recorded yet.
+    pub(super) is_before_recording: bool,
 }
 
 /// The look of a process.
@@ -46,6 +48,7 @@ pub(super) fn look(state: State<'_>) -> Look {
         }
         (_, Some(status), _) => (state_color(status.state()), state_name(status.state()).to_owned()),
         (_, None, _) if state.process.is_none() => (rgb(186, 194, 199), String::new()),
+        (_, None, _) if state.is_before_recording => (rgb(186, 194, 199), NOT_RECORDED.to_owned()),
         (_, None, _) => (pink, "NOT RUNNING".to_owned()),
     };
     Look { fill, word }
@@ -79,7 +82,23 @@ mod tests {
         let (process, status) =
             (process(period_ns), state.map(|state| Status { state: state.into(), ..Status::default() }));
         let age_s = state.map(|_| age_s);
-        look(State { process: Some(&process), status: status.as_ref(), age_s, connected }).word
+        let (process, status) = (Some(&process), status.as_ref());
+        look(State { process, status, age_s, connected, is_before_recording: false }).word
+    }
+
+    #[test]
+    fn a_process_whose_status_was_not_recorded_yet_is_not_said_not_to_run() {
+        let (process, status) = (process(100_000_000), Status::default());
+        let absent = State {
+            process: Some(&process),
+            status: None,
+            age_s: None,
+            connected: true,
+            is_before_recording: true,
+        };
+        assert_eq!(look(absent).word, NOT_RECORDED);
+        let known = State { status: Some(&status), age_s: Some(0.1), ..absent };
+        assert_eq!(look(known).word, state_name(status.state()));
     }
 
     #[test]

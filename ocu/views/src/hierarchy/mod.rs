@@ -275,7 +275,13 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
     let process = node.process.map(|index| &frame.processes[index]);
     let wires = scene.wires[index];
     let status: Option<&Status> = wires.status.and_then(|topic| frame.topics.get(topic)?.get());
-    let look = look(State { process, status, age_s: age_s(frame, wires.status), connected: wires.connected });
+    let look = look(State {
+        process,
+        status,
+        age_s: age_s(frame, wires.status),
+        connected: wires.connected,
+        is_before_recording: frame.is_before_recording(),
+    });
     let chosen = cx.selection.process.as_ref() == Some(&node.name);
     let response =
         ui.interact(rect.intersect(area), ui.scope_id().with(("process", &node.name)), Sense::click());

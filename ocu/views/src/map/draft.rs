@@ -7,6 +7,7 @@
 //! Positions are in the frame of the map, m. How near the pointer must be to something is a distance on the screen;
 //! `m_per_point` is the length of a screen point on the map.
 
+use super::outline::{SAME_M, corner, distance_m, is_first, is_in_or_near, is_same_outline};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
@@ -15,8 +16,6 @@ use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
 pub(super) const GOAL_RADIUS: f32 = 9.0;
 /// Distance from a corner or from the border of a zone at which the pointer means it, screen points.
 const NEAR: f64 = 10.0;
-/// Distance within which two goals are the same one, and two corners, m.
-const SAME_M: f64 = 0.01;
 /// Number of changes that can be taken back.
 const MOST_CHANGES: usize = 100;
 /// For this time of the window, a mission that was sent is awaited in its buffer, s. After that it counts as lost.
@@ -147,16 +146,6 @@ impl SentGoals {
             && self.places.len() == mission.goals.len()
             && self.places.iter().zip(&mission.goals).all(is_same)
     }
-}
-
-/// Adds a corner to a polygon that is being drawn. Returns the polygon if the corner closes it: if it is the first one
-/// again, within a distance.
-pub(super) fn corner(corners: &mut Vec<[f64; 2]>, at: [f64; 2], reach_m: f64) -> Option<Vec<[f64; 2]>> {
-    let closes = is_first(corners, at, reach_m);
-    if !closes {
-        corners.push(at);
-    }
-    (closes && corners.len() >= 3).then(|| std::mem::take(corners))
 }
 
 /// Whether a mission of the operator is later than another one.
@@ -307,6 +296,19 @@ impl Draft {
     /// The goals that are drawn and left.
     fn goals(&self) -> impl DoubleEndedIterator<Item = &Goal> {
         self.left(&self.drawn)
+    }
+
+    /// The goals that are drawn and left, with their numbers. Those that were reached are counted, as the vehicle counts
+    /// them: a goal keeps its number when another one is reached.
+    fn numbered(&self) -> impl DoubleEndedIterator<Item = (usize, &Goal)> {
+        let reached = self.reached();
+        let all = self.drawn.goals.iter().enumerate().map(|(index, goal)| (index + 1, goal));
+        all.filter(move |(_, goal)| !reached.contains(goal))
+    }
+
+    /// The numbers and the places of the goals that are drawn and left.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
+        self.numbered().map(|(number, goal)| (number, goal.at))
     }
 
     /// Whether two drawings are the same at the viewed moment.
@@ -460,9 +462,8 @@ impl Draft {
     /// The goal on whose disc a place lies: its identity, and its number on the map.
     pub(super) fn goal_at(&self, at: [f64; 2], m_per_point: f64) -> Option<(u32, usize)> {
         let reach_m = f64::from(GOAL_RADIUS) * m_per_point;
-        let goals: Vec<&Goal> = self.goals().collect();
-        let away = goals.iter().enumerate().rev();
-        let away = away.map(|(index, goal)| (goal.id, index + 1, distance_m(goal.at, at)));
+        let away = self.numbered().rev();
+        let away = away.map(|(number, goal)| (goal.id, number, distance_m(goal.at, at)));
         let near = away.filter(|(_, _, away_m)| *away_m <= reach_m);
         near.min_by(|(_, _, a), (_, _, b)| a.total_cmp(b)).map(|(id, number, _)| (id, number))
     }
@@ -507,7 +508,7 @@ impl Draft {
     /// that hold also after the draft is sent; an area of the draft takes the place of theirs.
     pub(super) fn goal_warning(&self, standing: &Bounds) -> Option<String> {
         let area = self.area.as_ref().or(standing.area.as_ref());
-        self.goals().zip(1..).find_map(|(goal, number)| {
+        self.numbered().find_map(|(number, goal)| {
             let mut zones = self.drawn.keep_out.iter().chain(&standing.keep_out);
             if zones.any(|zone| is_in_or_near(zone, goal.at, 0.0)) {
                 return Some(format!("goal {number} lies in a keep-out zone"));
@@ -543,44 +544,6 @@ impl Drawn {
             Handle::OpenCorner(index) => self.corners.get_mut(index),
         }
     }
-}
-
-fn distance_m(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
-
-/// Whether two polygons have the same corners in the same order.
-pub(super) fn is_same_outline(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| distance_m(*a, *b) <= SAME_M)
-}
-
-/// Whether a place is the first corner of a polygon, within a distance.
-fn is_first(corners: &[[f64; 2]], at: [f64; 2], reach_m: f64) -> bool {
-    corners.first().is_some_and(|first| distance_m(*first, at) <= reach_m)
-}
-
-/// Whether a place lies inside of a polygon, or within a distance of its border.
-fn is_in_or_near(corners: &[[f64; 2]], at: [f64; 2], reach_m: f64) -> bool {
-    let [x, y] = at;
-    let mut is_inside = false;
-    for (a, b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
-        if distance_to_edge_m(*a, *b, at) <= reach_m {
-            return true;
-        }
-        // A ray along the x axis crosses the border an odd number of times if it begins inside.
-        let crosses = (a[1] > y) != (b[1] > y);
-        is_inside ^= crosses && x < a[0] + (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]);
-    }
-    is_inside
-}
-
-/// Distance of a place from the line between two corners.
-fn distance_to_edge_m(a: [f64; 2], b: [f64; 2], at: [f64; 2]) -> f64 {
-    let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-    let squared = dx * dx + dy * dy;
-    let along = (at[0] - a[0]) * dx + (at[1] - a[1]) * dy;
-    let part = if squared > 0.0 { (along / squared).clamp(0.0, 1.0) } else { 0.0 };
-    distance_m([a[0] + part * dx, a[1] + part * dy], at)
 }
 
 #[cfg(test)]

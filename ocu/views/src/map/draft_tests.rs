@@ -270,6 +270,23 @@ fn a_goal_that_was_reached_is_not_sent_again() {
 }
 
 #[test]
+fn a_goal_keeps_its_number_when_another_one_is_reached_as_the_vehicle_counts() {
+    let all = |reached| mission(&[A, B, C], reached);
+    let numbers = |draft: &Draft| -> Vec<usize> { draft.numbers().map(|(number, _)| number).collect() };
+    let mut draft = draft_of(&all(1));
+    assert_eq!(numbers(&draft), [2, 3]);
+    draft.click([50.0, 0.0], M_PER_POINT);
+    follow(&mut draft, &all(2));
+    assert_eq!(numbers(&draft), [3, 4]);
+    assert_eq!(draft.goal_at(C, M_PER_POINT).map(|(_, number)| number), Some(3));
+    let standing = Bounds { keep_out: vec![vec![[49.0, -1.0], [51.0, -1.0], [50.0, 2.0]]], area: None };
+    assert_eq!(draft.goal_warning(&standing).as_deref(), Some("goal 4 lies in a keep-out zone"));
+    // The vehicle counts the goals of another mission anew.
+    sent(&mut draft);
+    assert_eq!(numbers(&draft), [1, 2]);
+}
+
+#[test]
 fn a_drag_moves_the_goal_under_the_pointer_by_as_much_as_the_pointer() {
     let mut draft = draft_of(&mission(&[A, B, C], 0));
     draft.grab([2.25, 0.25], M_PER_POINT);

@@ -1,6 +1,6 @@
 //! An example for processes that learn, which a person outlines on the map. Positions are in the frame of the map, m.
 
-use super::draft::corner;
+use super::outline::corner;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::rcs::{ExampleKind, PlanePoint, PlanePolygon, TrainingExample};
 use rcs_runtime::source::Frame;

@@ -11,6 +11,7 @@ use egui::{Align, Align2, Pos2, Rect, Response, Stroke, Ui, Vec2};
 use ocu_ui::widgets::{icon_button, mono};
 use ocu_ui::{icons, legend, tokens};
 use rcs_geom::{DVec3, Utm};
+use rcs_msg::Stamp;
 use rcs_runtime::source::{Control, Frame, Step, Topic};
 
 /// Part of the height of the map that the read-out takes at most, as far as the costs of the sources allow it, and
@@ -34,7 +35,27 @@ const WIDE: usize = 30;
 /// Lines that are left for a cell before those of latitude and longitude.
 const LINES_OF_A_CELL: usize = 9;
 
+/// A layer that is shown because a click in the read-out led to a message of it.
+#[derive(Debug)]
+pub(super) struct Led {
+    /// Its name.
+    pub(super) layer: String,
+    /// The time of the click.
+    from: Stamp,
+    /// Whether a time before that of the click has been viewed since.
+    was_left: bool,
+}
+
 impl Map {
+    /// Ends what a click in the read-out shows: when the cell is closed, or the view is back at the time of the click.
+    pub(super) fn end_led(&mut self, now: Stamp) {
+        let Some(led) = &mut self.led else { return };
+        led.was_left |= now < led.from;
+        if self.kept.is_none() || (led.was_left && now >= led.from) {
+            self.led = None;
+        }
+    }
+
     /// Says what is under the pointer, and marks what other views say.
     pub(super) fn point_at(
         &mut self,
@@ -68,7 +89,7 @@ impl Map {
             hover.time = self.tracks.time_at(shown, [x, y], NEAR / viewport.scale);
             if response.clicked() && !self.measuring && self.draft.is_none() && self.example.is_none() {
                 match hover.time {
-                    Some(time) => cx.controls.push(Control::Seek(time)),
+                    Some(time) => cx.controls.extend(Control::pause_at(time)),
                     // A click beside the cell that is kept lets go of it.
                     None if self.kept.take().is_some() => {}
                     None => self.kept = hover.cell.map(|_| [x, y]),
@@ -134,7 +155,7 @@ impl Map {
         }
         if let Some((topic, sequence)) = clicks.wanted {
             cx.selection.topic = Some(TopicKey::of(topic));
-            self.saved.layers.entry(topic.name.to_string()).or_default().shown = true;
+            self.led = Some(Led { layer: topic.name.to_string(), from: frame.now, was_left: false });
             cx.controls.push(Control::Step(Step::BackTo { topic: topic.name.to_string(), sequence }));
         }
     }

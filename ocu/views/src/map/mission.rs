@@ -1,7 +1,8 @@
 //! Missions on a map: what a vehicle obeys, and the draft of the operator, which is drawn with the pointer.
 
-use super::draft::{Adds, Bounds, Draft, GOAL_RADIUS, Handle, is_same_outline, place};
+use super::draft::{Adds, Bounds, Draft, GOAL_RADIUS, Handle, place};
 use super::labels::Labels;
+use super::outline::is_same_outline;
 use super::plan::At;
 use super::{Map, layers};
 use crate::canvas::Viewport;
@@ -26,6 +27,8 @@ const HATCH: f32 = 9.0;
 const GOALS_HELP: &str = "Each click adds a goal; drag one to move it, right-click it to delete it";
 const ZONES_HELP: &str = "Each click adds a corner, and a click on the first one closes the zone; \
     drag a corner to move it, right-click a zone to delete it";
+/// Radius of the ring of a goal that was reached, screen points.
+const REACHED_RADIUS: f32 = 5.0;
 /// Radius of the disc of a corner, screen points.
 const CORNER_RADIUS: f32 = 3.0;
 
@@ -164,37 +167,48 @@ impl Map {
         draft.dragged().is_some()
     }
 
-    /// Clicks of the operator who draws, and the menu of the map.
+    /// Clicks of the operator who draws, and the draft with them.
     pub(super) fn draw_mission(
+        &mut self,
+        ui: &Ui,
+        cx: &ViewContext<'_>,
+        map: &str,
+        response: &Response,
+        at: At,
+        labels: &mut Labels,
+    ) {
+        let Some(draft) = &mut self.draft else { return };
+        let Some(buffer) = Inputs::of(cx.frame).mission else { return };
+        if let Ok(obeyed) = obeyed(cx.frame, map) {
+            let now_s = ui.input(|input| input.time);
+            draft.follow(newest(cx.frame, &buffer), obeyed.map(|(mission, _)| mission), now_s);
+        }
+        // A click beside the open menu closes the menu and adds nothing.
+        let adds = response.clicked() && !response.context_menu_opened();
+        if let Some(pos) = response.interact_pointer_pos().filter(|_| adds) {
+            draft.click(at.viewport.to_plane(at.canvas, pos), 1.0 / at.viewport.scale);
+        }
+        paint_draft(ui, draft, map, response, at, labels);
+    }
+
+    /// The menu of the map, and the panel of the draft.
+    pub(super) fn command_mission(
         &mut self,
         ui: &mut Ui,
         cx: &mut ViewContext<'_>,
         map: &str,
         response: &Response,
         at: At,
-        labels: &mut Labels,
     ) {
         let Some(buffer) = Inputs::of(cx.frame).mission else { return };
-        let on_map = |pos: Pos2| at.viewport.to_plane(at.canvas, pos);
-        if let Some(draft) = &mut self.draft {
-            if let Ok(obeyed) = obeyed(cx.frame, map) {
-                let now_s = ui.input(|input| input.time);
-                draft.follow(newest(cx.frame, &buffer), obeyed.map(|(mission, _)| mission), now_s);
-            }
-            // A click beside the open menu closes the menu and adds nothing.
-            let adds = response.clicked() && !response.context_menu_opened();
-            if let Some(pos) = response.interact_pointer_pos().filter(|_| adds) {
-                draft.click(on_map(pos), 1.0 / at.viewport.scale);
-            }
-            paint_draft(ui, draft, map, response, at, labels);
-        }
         let awaits = self.awaits_mission(&cx.selection.drafts);
         if awaits {
             // What is lost is awaited for some seconds only, also where nothing else repaints.
             ui.ctx().request_repaint_after(Duration::from_secs(1));
         }
         if response.secondary_clicked() {
-            self.menu_at = response.interact_pointer_pos().map(on_map);
+            let pressed = response.interact_pointer_pos();
+            self.menu_at = pressed.map(|pos| at.viewport.to_plane(at.canvas, pos));
         }
         let mut choice = None;
         response.context_menu(|ui| {
@@ -355,8 +369,12 @@ fn send(
 /// Paints a draft, and marks the point of it that is dragged, or that can be dragged from under the pointer.
 fn paint_draft(ui: &Ui, draft: &Draft, map: &str, response: &Response, at: At, labels: &mut Labels) {
     let (painter, tokens) = (ui.painter_at(at.canvas), tokens(ui));
-    paint(&painter, &draft.message(map, &Pose::IDENTITY), at, tokens, Look::Draft, labels);
+    paint(&painter, &draft.message(map, &Pose::IDENTITY), at, tokens, Look::Draft);
     paint_corners(&painter, draft.corners(), at, tokens);
+    for (number, goal) in draft.numbers() {
+        let colors = [tokens.warning, tokens.canvas()];
+        paint_goal(&painter, at.screen(goal), number, colors, tokens, labels);
+    }
     // A pointer that moves the map points at nothing.
     let pointer = response.hover_pos().filter(|_| !response.dragged());
     let pointer = pointer.map(|pos| at.viewport.to_plane(at.canvas, pos));
@@ -373,27 +391,72 @@ fn paint_draft(ui: &Ui, draft: &Draft, map: &str, response: &Response, at: At, l
     ui.ctx().set_cursor_icon(icon);
 }
 
-/// Paints the mission that a vehicle obeys. While a draft is open, what of its area and zones is not in the draft, and weaker.
+/// Paints area and zones of the mission that a vehicle obeys. While a draft is open, those that are not in the draft,
+/// and weaker.
 pub(super) fn paint_obeyed(
     painter: &Painter,
     mission: &Mission,
     draft: Option<&Draft>,
     at: At,
     tokens: &Tokens,
-    labels: &mut Labels,
 ) {
     match draft {
         Some(draft) => {
             let beside = draft.not_drawn(mission, at.map_from_layer);
-            paint(painter, &beside, at, tokens, Look::BesideDraft, labels);
+            paint(painter, &beside, at, tokens, Look::BesideDraft);
         }
-        None => paint(painter, mission, at, tokens, Look::Obeyed, labels),
+        None => paint(painter, mission, at, tokens, Look::Obeyed),
     }
 }
 
-/// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak. The corners of
-/// the zones of a draft are discs.
-fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Tokens, look: Look, labels: &mut Labels) {
+/// Paints the goals of the mission that a vehicle obeys, those reached as grey rings.
+pub(super) fn paint_goals(
+    painter: &Painter,
+    mission: &Mission,
+    at: At,
+    tokens: &Tokens,
+    labels: &mut Labels,
+) {
+    for (index, goal) in mission.goals.iter().enumerate() {
+        let (center, number) = (at.screen([goal.x_m, goal.y_m]), index + 1);
+        if index < mission.reached as usize {
+            paint_reached(painter, center, number, tokens, labels);
+        } else {
+            paint_goal(painter, center, number, [tokens.ok, tokens.canvas()], tokens, labels);
+        }
+    }
+}
+
+/// Paints the ring of a goal that was reached, with its number beside it: the vehicle often stands there.
+fn paint_reached(painter: &Painter, center: Pos2, number: usize, tokens: &Tokens, labels: &mut Labels) {
+    labels.keep_free(Rect::from_center_size(center, Vec2::splat(2.0 * REACHED_RADIUS)));
+    for (width, color) in [(4.0_f32, tokens.canvas()), (2.0, tokens.weak)] {
+        painter.circle_stroke(center, REACHED_RADIUS, Stroke::new(width, color));
+    }
+    labels.add(center, number.to_string(), tokens.text);
+}
+
+/// Paints the disc of a goal with its number; where the mark of a vehicle covers it, the number is beside it.
+fn paint_goal(
+    painter: &Painter,
+    center: Pos2,
+    number: usize,
+    [fill, ink]: [Color32; 2],
+    tokens: &Tokens,
+    labels: &mut Labels,
+) {
+    labels.keep_free(Rect::from_center_size(center, Vec2::splat(2.0 * GOAL_RADIUS)));
+    painter.circle(center, GOAL_RADIUS, fill, Stroke::new(1.0, tokens.canvas()));
+    let number = number.to_string();
+    if labels.is_covered(center, GOAL_RADIUS) {
+        labels.add(center, number, fill);
+    } else {
+        painter.text(center, Align2::CENTER_CENTER, number, FontId::proportional(11.0), ink);
+    }
+}
+
+/// Paints the area of a mission dashed, and its zones hatched. The corners of the zones of a draft are discs.
+fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Tokens, look: Look) {
     let is_draft = look == Look::Draft;
     let screen = |zone: &PlanePolygon| -> Vec<Pos2> {
         zone.points.iter().map(|point| at.screen([point.x_m, point.y_m])).collect()
@@ -418,18 +481,6 @@ fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Tokens, look: Lo
         for corner in screen(zone).into_iter().filter(|_| is_draft) {
             painter.circle(corner, CORNER_RADIUS, red, Stroke::new(1.0, tokens.canvas()));
         }
-    }
-    for (index, goal) in mission.goals.iter().enumerate() {
-        let center = at.screen([goal.x_m, goal.y_m]);
-        let (fill, ink) = match (is_draft, index < mission.reached as usize) {
-            (true, _) => (tokens.warning, tokens.canvas()),
-            (false, true) => (tokens.surface[3], tokens.weak),
-            (false, false) => (tokens.ok, tokens.canvas()),
-        };
-        labels.keep_free(Rect::from_center_size(center, Vec2::splat(2.0 * GOAL_RADIUS)));
-        painter.circle(center, GOAL_RADIUS, fill, Stroke::new(1.0, tokens.canvas()));
-        let number = (index + 1).to_string();
-        painter.text(center, Align2::CENTER_CENTER, number, FontId::proportional(11.0), ink);
     }
 }
 

@@ -18,6 +18,7 @@ mod hover;
 mod labels;
 mod layers;
 mod mission;
+mod outline;
 mod paint;
 mod panel;
 mod picture;
@@ -132,6 +133,8 @@ pub(crate) struct Map {
     kept: Option<[f64; 2]>,
     /// Where its read-out was in the previous pass.
     kept_plate: Option<Rect>,
+    /// The layer that its read-out led to.
+    led: Option<hover::Led>,
     /// Size of the read-out in the previous pass.
     read_out_size: Vec2,
     /// Angle by which the map was turned in the previous pass, rad.
@@ -196,6 +199,7 @@ impl View for Map {
             return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", &hint);
         };
         self.look_in(map);
+        self.end_led(cx.frame.now);
         self.take_example(cx, map);
         self.take_draft(ui, cx, map);
         self.fused = layers.iter().any(Layer::is_map);
@@ -266,7 +270,9 @@ impl Map {
             Kind::Track { track, .. } => self.saved.layers.get(&*track.topic),
             _ => None,
         };
-        own.or(of_topic).cloned().unwrap_or(usual)
+        let mut state = own.or(of_topic).cloned().unwrap_or(usual);
+        state.shown |= self.led.as_ref().is_some_and(|led| led.layer == layer.name);
+        state
     }
 
     fn canvas(
@@ -305,6 +311,7 @@ impl Map {
         let numbers = paint::metre_lines(ui, viewport, canvas);
         let mut labels = self.labels(canvas);
         let mut goals = goals::of(cx.frame, map, &shown);
+        let (mut missions, mut marks) = (Vec::new(), Vec::new());
         for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(layer).shown) {
             let is_old = layer.is_of_one_time() && layer.is_stale(cx.frame.now);
             let color =
@@ -326,17 +333,12 @@ impl Map {
                 }
                 (Kind::Mission(mission), Ok(map_from_layer)) => {
                     let at = plan::At { map_from_layer, viewport, canvas };
-                    mission::paint_obeyed(
-                        &painter,
-                        mission,
-                        self.draft.as_ref(),
-                        at,
-                        tokens(ui),
-                        &mut labels,
-                    );
+                    mission::paint_obeyed(&painter, mission, self.draft.as_ref(), at, tokens(ui));
+                    missions.push((mission, at));
                 }
                 (Kind::Track { .. }, _) => {
-                    self.paint_track(ui, layer, cx.frame, viewport, canvas, color, &mut labels);
+                    let mark = self.paint_track(ui, layer, cx.frame, viewport, canvas, color, &mut labels);
+                    marks.extend(mark);
                 }
                 // All at once, because several may be one.
                 (Kind::Goal(_), Ok(_)) => {
@@ -346,14 +348,20 @@ impl Map {
                 _ => {}
             }
         }
-        if let Some(robot) = robot {
-            paint::robot(ui, robot, viewport, canvas, &mut labels);
+        marks.extend(robot.map(|robot| paint::robot(ui, robot, viewport, canvas, &mut labels)));
+        // Numbers are read above flags and tracks. The goals of a draft take the place of those that are obeyed.
+        for (mission, at) in missions.into_iter().filter(|_| self.draft.is_none()) {
+            mission::paint_goals(&painter, mission, at, tokens(ui), &mut labels);
+        }
+        let at = plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas };
+        self.draw_mission(ui, cx, map, &response, at, &mut labels);
+        for mark in &marks {
+            mark.paint(&painter);
         }
         paint::metre_numbers(ui, canvas, numbers);
         let preview_down = self.badges(ui, cx.frame, map, &shown, viewport, canvas);
         self.paint_measured(ui, viewport, canvas, &mut labels);
-        let at = plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas };
-        self.draw_mission(ui, cx, map, &response, at, &mut labels);
+        self.command_mission(ui, cx, map, &response, at);
         self.draw_example(ui, cx, map, &response, at);
         // The numbers of the metre lines are at the left and at the top.
         let free = Rect::from_min_max(canvas.min + Vec2::new(32.0, 16.0), canvas.max - Vec2::splat(4.0));

@@ -21,14 +21,16 @@ use ocu_ui::{format, tokens};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::PosesInFrame;
-use rcs_runtime::source::Frame;
+use rcs_runtime::source::{Frame, RunTag};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 /// Least length of the arrow of a pose, screen points: it is seen where the map shows a lot.
 const LEAST_ARROW: f64 = 6.0;
-/// Distance from the position of a vehicle within which its mark lies, screen points.
-const VEHICLE: f32 = 12.0;
+/// Radius of the dot of a position fix, relative to the width of a line in its place.
+const DOT: f32 = 0.75;
+/// Width of the edge of the track of the run from which this one branched, screen points.
+const GHOST_EDGE: f32 = 3.5;
 /// Where the arrow to the north ends, from the upper left corner of the map, screen points.
 const NORTH: Vec2 = Vec2::splat(45.0);
 /// Width that a note at the top has at least beside the scale bar, and its distance from it, screen points.
@@ -95,8 +97,9 @@ impl Map {
         ui.painter_at(canvas).add(shape);
     }
 
-    /// Paints a track: past in full colour, future thin and weak, and the current position, hollow if it is outdated.
-    /// Of the run from which this one branched, only what differs is painted.
+    /// Paints a track: past in full colour, future thin and weak. Fixes of a satellite receiver are dots, because a line
+    /// through them would look like a way that was driven. Of the run from which this one branched, only what differs is
+    /// painted, with its name. Returns the mark of the current position, which is hollow if that is outdated.
     #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
     pub(super) fn paint_track(
         &self,
@@ -107,13 +110,19 @@ impl Map {
         canvas: Rect,
         color: Color32,
         labels: &mut Labels,
-    ) {
-        let Kind::Track { track, is_ghost } = layer.kind else { return };
-        let Some(plane) = self.tracks.placed.get(&layer.name).and_then(PlacedTrack::plane) else { return };
-        let painter = ui.painter_at(canvas);
+    ) -> Option<Mark> {
+        let Kind::Track { track, is_ghost } = layer.kind else { return None };
+        let plane = self.tracks.placed.get(&layer.name).and_then(PlacedTrack::plane)?;
+        let (painter, tokens) = (ui.painter_at(canvas), tokens(ui));
         let color = color.gamma_multiply(self.state(layer).opacity);
         let draw = |range: Range<usize>, end: Option<[f64; 2]>, stroke: Stroke| {
             let points = line(&track.points, range, &plane, viewport, canvas).into_iter().chain(end);
+            if track.origin.is_some() {
+                let places = points.map(|point| viewport.to_screen(canvas, point));
+                let dot = |at: Pos2| Shape::circle_filled(at, stroke.width * DOT, stroke.color);
+                painter.extend(places.filter(|at| canvas.contains(*at)).map(dot));
+                return;
+            }
             let parts = clip::line(points, viewport, canvas);
             painter.extend(parts.into_iter().map(|part| Shape::line(part, stroke)));
         };
@@ -122,25 +131,28 @@ impl Map {
             let current = frame.runs.all.iter().find(|run| run.id == frame.runs.current());
             let branch =
                 current.and_then(|run| run.branched_from).map_or(0, |(_, at)| track.points.count_until(at));
-            return draw(branch.saturating_sub(1)..track.points.len(), None, weak);
+            let differs = branch.saturating_sub(1)..track.points.len();
+            draw(differs.clone(), None, Stroke::new(GHOST_EDGE, tokens.canvas()));
+            draw(differs, None, Stroke::new(1.5, color));
+            if let (RunTag::Run(run), Some(last)) = (track.run, track.points.last()) {
+                labels.add(viewport.to_screen(canvas, plane.point(last.position_m)), run.to_string(), color);
+            }
+            return None;
         }
         let now = track.points.count_until(frame.now);
         let here = self.tracks.here(frame, layer);
         draw(now.saturating_sub(1)..track.points.len(), None, weak);
         draw(0..now, here.map(|[x, y, _]| [x, y]), Stroke::new(2.0, color));
-        if let Some([x, y, yaw]) = here {
-            let at = viewport.to_screen(canvas, [x, y]);
-            labels.keep_free(Rect::from_center_size(at, Vec2::splat(2.0 * VEHICLE)));
-            let placed = self.tracks.placed.get(&layer.name).and_then(|placed| placed.map_from_track);
-            if let (Some(covariance), Some(pose)) = (Covariance::of(layer), placed) {
-                uncertainty::paint(&painter, &covariance, [x, y], &pose, viewport, canvas, color);
-            }
-            if layer.is_stale(frame.now) {
-                vehicle(&painter, at, viewport.direction(yaw), tokens(ui).stale, false);
-            } else {
-                vehicle(&painter, at, viewport.direction(yaw), color, true);
-            }
+        let [x, y, yaw] = here?;
+        let at = viewport.to_screen(canvas, [x, y]);
+        labels.keep_free_for_vehicle(at);
+        let placed = self.tracks.placed.get(&layer.name).and_then(|placed| placed.map_from_track);
+        if let (Some(covariance), Some(pose)) = (Covariance::of(layer), placed) {
+            uncertainty::paint(&painter, &covariance, [x, y], &pose, viewport, canvas, color);
         }
+        let is_current = !layer.is_stale(frame.now);
+        let color = if is_current { color } else { tokens.stale };
+        Some(Mark { at, forward: viewport.direction(yaw), color, is_current })
     }
 
     pub(super) fn measure(&mut self, response: &Response, viewport: Viewport, canvas: Rect) {
@@ -265,23 +277,34 @@ fn quadrilateral(texture: TextureId, corners: [Pos2; 4], opacity: f32) -> Shape 
     Shape::mesh(mesh)
 }
 
-/// An arrow at a position, in the direction of travel; a disc where that is unknown. It is filled if the position is
-/// current.
-fn vehicle(painter: &Painter, at: Pos2, forward: Vec2, color: Color32, is_current: bool) {
-    let edge =
-        if is_current { Stroke::new(1.5, Color32::from_black_alpha(200)) } else { Stroke::new(1.5, color) };
-    let fill = if is_current { color } else { Color32::TRANSPARENT };
-    if !forward.is_finite() {
-        painter.circle(at, 5.0, fill, edge);
-        return;
+/// The mark of a vehicle: an arrow at its position, in the direction of travel; a disc where that is unknown.
+pub(super) struct Mark {
+    at: Pos2,
+    /// Direction of travel on the screen.
+    forward: Vec2,
+    color: Color32,
+    /// Whether the position is current; otherwise the mark is hollow.
+    is_current: bool,
+}
+
+impl Mark {
+    /// Paints it. It comes after the discs of goals: a vehicle that stands on a goal is seen.
+    pub(super) fn paint(&self, painter: &Painter) {
+        let Self { at, forward, color, is_current } = *self;
+        let fill = if is_current { color } else { Color32::TRANSPARENT };
+        let edge = Stroke::new(1.5, if is_current { Color32::from_black_alpha(200) } else { color });
+        if !forward.is_finite() {
+            painter.circle(at, 5.0, fill, edge);
+            return;
+        }
+        let left = forward.rot90() * 5.5;
+        let (nose, tail) = (at + forward * 11.0, at - forward * 7.0);
+        // Two triangles, because an arrowhead with a notch is not convex.
+        let notch = at - forward * 3.0;
+        painter.add(Shape::convex_polygon(vec![nose, tail + left, notch], fill, Stroke::NONE));
+        painter.add(Shape::convex_polygon(vec![nose, notch, tail - left], fill, Stroke::NONE));
+        painter.add(Shape::closed_line(vec![nose, tail + left, notch, tail - left], edge));
     }
-    let left = forward.rot90() * 5.5;
-    let (nose, tail) = (at + forward * 11.0, at - forward * 7.0);
-    // Two triangles, because an arrowhead with a notch is not convex.
-    let notch = at - forward * 3.0;
-    painter.add(Shape::convex_polygon(vec![nose, tail + left, notch], fill, Stroke::NONE));
-    painter.add(Shape::convex_polygon(vec![nose, notch, tail - left], fill, Stroke::NONE));
-    painter.add(Shape::closed_line(vec![nose, tail + left, notch, tail - left], edge));
 }
 
 /// The number of a grid line, where that meets the left or the upper edge.
@@ -292,12 +315,12 @@ pub(super) struct MetreNumber {
 }
 
 /// The mark of a robot that is known by its transforms alone.
-pub(super) fn robot(ui: &Ui, robot: Robot, viewport: Viewport, canvas: Rect, labels: &mut Labels) {
+pub(super) fn robot(ui: &Ui, robot: Robot, viewport: Viewport, canvas: Rect, labels: &mut Labels) -> Mark {
     let (tokens, [x, y, yaw_rad]) = (tokens(ui), robot.place);
     let at = viewport.to_screen(canvas, [x, y]);
-    labels.keep_free(Rect::from_center_size(at, Vec2::splat(2.0 * VEHICLE)));
+    labels.keep_free_for_vehicle(at);
     let color = if robot.is_current { tokens.accent } else { tokens.stale };
-    vehicle(&ui.painter_at(canvas), at, viewport.direction(yaw_rad), color, robot.is_current);
+    Mark { at, forward: viewport.direction(yaw_rad), color, is_current: robot.is_current }
 }
 
 /// Grid lines at round metres. Returns their numbers, which lie above everything else ([`metre_numbers`]); on a turned map,

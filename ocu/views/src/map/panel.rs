@@ -9,7 +9,6 @@ use crate::cloud_colors::{CloudColors, intensity_color};
 use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens, widgets};
 use rcs_runtime::source::Frame;
-use std::collections::BTreeMap;
 
 /// Index of a layer's line colour; only lines and arrows have colours of their own. A track of the run that was left has
 /// the colour of the track of the same topic, so that a branch changes no colour.
@@ -49,7 +48,7 @@ impl Map {
         ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
             // Ground truth is listed last, under its own heading.
             let truth = layers.iter().position(Layer::is_ground_truth);
-            let mut names = BTreeMap::new();
+            let mut names = widgets::RowNames::default();
             for (index, layer) in layers.iter().enumerate() {
                 if truth == Some(index) {
                     ui.separator();
@@ -59,9 +58,8 @@ impl Map {
                 let mut state = self.state(layer);
                 let before = state.clone();
                 // Layers and their notes come and go while the mouse is pressed.
-                let name = (&layer.name, widgets::nth(&mut names, &layer.name));
                 let rows = |ui: &mut Ui| self.layer(ui, frame, map, layers, index, &mut state);
-                let (chosen, zoom) = widgets::named(ui, name, rows);
+                let (chosen, zoom) = names.named(ui, &layer.name, rows);
                 if let Some(frame) = chosen {
                     self.saved.frame = Some(frame);
                     self.saved.viewport = None;
@@ -71,6 +69,8 @@ impl Map {
                     self.zoom_to = Some(layer.name.clone());
                 }
                 if state != before {
+                    // From now on, it is as it was set by hand.
+                    self.led = self.led.take().filter(|led| led.layer != layer.name);
                     self.saved.layers.insert(layer.name.clone(), state);
                 }
                 ui.add_space(4.0);

@@ -6,7 +6,6 @@ use egui::{Align, Color32, FontId, Layout, Mesh, Pos2, Rect, RichText, Role, Sen
 use ocu_ui::palette::{self, MapPalette};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::Stamp;
-use std::collections::BTreeMap;
 
 /// Width of a card with its margins.
 const CARD: f32 = 232.0;
@@ -36,15 +35,14 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) -> Option<usize> {
     ui.spacing_mut().item_spacing = Vec2::splat(8.0);
     egui::Frame::new().inner_margin(egui::Margin::same(8)).show(ui, |ui| {
         let columns = (((ui.available_width() + 8.0) / (CARD + 8.0)) as usize).max(1);
-        let mut names = BTreeMap::new();
+        let mut names = widgets::RowNames::default();
         for (row, line) in models.models.chunks(columns).enumerate() {
             ui.horizontal_top(|ui| {
                 for (column, model) in line.iter().enumerate() {
                     let index = row * columns + column;
                     // One without a name is known by its number, as long as none comes or goes.
                     let count = (!model.is_named).then_some(models.models.len());
-                    let name = (&model.name, widgets::nth(&mut names, &model.name), count);
-                    if widgets::named(ui, name, |ui| card(ui, shown, index, model)) {
+                    if names.named(ui, (&model.name, count), |ui| card(ui, shown, index, model)) {
                         deleted = Some(index);
                     }
                 }

@@ -6,7 +6,6 @@ use rcs_formula::{FieldRef, Formula, functions};
 use rcs_msg::{FieldPath, Value};
 use rcs_runtime::source::{Frame, Topic};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// Number of completions that are listed.
 const MOST: usize = 10;
@@ -88,11 +87,10 @@ impl Entry {
             {
                 ui.label(RichText::new(error.to_string()).small().color(tokens(ui).weak));
             }
-            let mut names = BTreeMap::new();
+            let mut names = widgets::RowNames::default();
             for completion in &completions {
                 // Values change what is found, and a problem above moves it.
-                let name = (&completion.text, widgets::nth(&mut names, &completion.text));
-                if widgets::named(ui, name, |ui| row(ui, completion).clicked()) {
+                if names.named(ui, &completion.text, |ui| row(ui, completion).clicked()) {
                     taken = Some(completion.text.clone());
                 }
             }

@@ -142,12 +142,11 @@ impl Scene {
         bar.left("layers", Fit::Leaves(50), |ui, form, view| {
             bar::menu(ui, form, icons::ICON_LAYERS, "Layers", |ui| {
                 ui.set_min_width(220.0);
-                let mut names = BTreeMap::new();
+                let mut names = widgets::RowNames::default();
                 for layer in placed {
                     let mut shown = view.shows(layer);
                     // Those before it come and go.
-                    let name = (&layer.name, widgets::nth(&mut names, &layer.name));
-                    if widgets::named(ui, name, |ui| ui.checkbox(&mut shown, &layer.name).changed()) {
+                    if names.named(ui, &layer.name, |ui| ui.checkbox(&mut shown, &layer.name).changed()) {
                         view.saved.layers.insert(layer.name.clone(), shown);
                     }
                     age(ui, layer);

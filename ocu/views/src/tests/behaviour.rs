@@ -367,6 +367,14 @@ fn a_click_keeps_a_cell_and_a_source_leads_to_the_message_that_made_it() {
     let controls = &harness.state().controls;
     assert!(matches!(&controls[..], [Control::Step(step)] if *step == back_to), "{controls:?}");
     assert_eq!(harness.state().selection.topic, Some(key("/obstacles/cost")));
+    // Its layer is shown until the view is back.
+    let now = harness.state().frame.now;
+    for (viewed, shows) in [(now, true), (now.before_ns(1_000_000_000), true), (now, false)] {
+        harness.state_mut().frame.now = viewed;
+        harness.run();
+        let layer = harness.get_by_label("Show /obstacles/cost").accesskit_node().toggled();
+        assert_eq!(layer, Some(Toggled::from(shows)), "{viewed}");
+    }
     harness.get_by_label("Close the cell").click();
     harness.run();
     assert!(harness.query_by_label_contains("of stereo, which made this cell").is_none());

@@ -51,7 +51,7 @@ fn a_click_on_a_difference_goes_to_its_time_and_selects_its_buffer_and_process()
     harness.run();
     let first = harness.state().frame.comparisons[0].differences[4].time;
     let controls = &harness.state().controls;
-    assert!(matches!(controls[..], [Control::Seek(to)] if to == first), "{controls:?}");
+    assert!(matches!(controls[..], [Control::Pause, Control::Seek(to)] if to == first), "{controls:?}");
     let topic = harness.state().selection.topic.as_ref().map(|topic| topic.name.as_str());
     assert_eq!(topic, Some("/vehicle_interface/vehicle"));
 }
@@ -70,7 +70,7 @@ fn a_press_on_a_difference_goes_to_no_other_one_that_takes_its_place() {
     press_at(&mut harness, place.center(), |shown| shown.frame = found);
     let pressed = harness.state().frame.comparisons[0].differences[5].time;
     let controls = &harness.state().controls;
-    assert!(matches!(controls[..], [Control::Seek(to)] if to == pressed), "{controls:?}");
+    assert!(matches!(controls[..], [Control::Pause, Control::Seek(to)] if to == pressed), "{controls:?}");
 }
 
 #[test]
@@ -151,8 +151,12 @@ fn of_two_recordings_the_end_of_the_shorter_one_is_told() {
 fn another_recording_has_a_map_beside_that_of_the_run() {
     let frame = with(|comparison| comparison.sides = [SIDES[1], Compared::Other]);
     let other = frame.beside.first().cloned();
-    let harness = shown(Frame { against: Some("drive.mcap".into()), other, ..frame });
+    let mut harness = shown(Frame { against: Some("drive.mcap".into()), other, ..frame });
     assert!(harness.query_by_label("105 of 1600 cells differ").is_some());
+    assert!(harness.state().view.shows_other());
+    harness.get_by_label("Show how the maps differ").click();
+    harness.run();
+    assert!(!harness.state().view.shows_other(), "nobody looks at it");
 }
 
 #[test]

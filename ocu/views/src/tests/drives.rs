@@ -29,6 +29,18 @@ fn the_drive_view_says_how_the_vehicle_and_the_course_stand() {
 }
 
 #[test]
+fn who_drives_is_told_beside_the_state_of_the_vehicle() {
+    for width in [360.0, 900.0] {
+        let shown = Shown::new("drive", samples::driving());
+        let mut harness = harness(shown, Vec2::new(width, 560.0), Theme::Dark);
+        harness.run();
+        let (state, who) = (harness.get_by_label("FREE TO MOVE").rect(), harness.get_by_label("you").rect());
+        assert!(who.left() > state.right(), "{width}: {state:?} {who:?}");
+        assert!((who.center().y - state.center().y).abs() < 4.0, "{width}: {state:?} {who:?}");
+    }
+}
+
+#[test]
 fn a_speed_a_turn_rate_and_an_attitude_that_no_sensor_tells_are_dashes() {
     let mut frame = samples::driving();
     let status = VehicleStatus {

@@ -6,7 +6,7 @@ use egui::{Event, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::Stamp;
-use rcs_runtime::source::{Event as Line, EventKind, EventLevel, Events, Frame, RunTag};
+use rcs_runtime::source::{Control, Event as Line, EventKind, EventLevel, Events, Frame, RunTag};
 use std::sync::Arc;
 
 /// A line each second.
@@ -85,6 +85,17 @@ fn the_log_follows_the_newest_line_where_several_come_in_one_pass() {
         let label = format!("node: line {second}.");
         assert!(harness.query_all_by_label_contains(&label).next().is_some(), "{label}");
     }
+}
+
+#[test]
+fn a_click_on_a_line_goes_to_its_time_and_pauses_there() {
+    let mut harness = harness(Shown::new("log", frame(100)), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    harness.get_by_label("node: line 48.").click();
+    harness.run();
+    let line = at(&harness.state().frame, 48);
+    let controls = &harness.state().controls;
+    assert!(matches!(controls[..], [Control::Pause, Control::Seek(to)] if to == line), "{controls:?}");
 }
 
 #[test]

@@ -1,13 +1,18 @@
 //! The mission that is drawn on the map, compared with what was sent and with the viewed moment.
 
+use super::behaviour::map_of_a_vehicle_at;
 use super::plans::{click, map_after_a_zone_in, sent, shown};
 use super::{Shown, harness};
 use crate::samples;
 use egui::PointerButton::{Primary, Secondary};
-use egui::{Pos2, Theme, Vec2};
+use egui::{Pos2, Rect, Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use ocu_ui::icons;
+use rcs_msg::foxglove::{Pose, PoseInFrame, Vector3};
+use rcs_msg::rcs::{Mission, PlanePoint};
+use rcs_runtime::source::Topic;
+use std::sync::Arc;
 
 fn middle(map: &Harness<'static, Shown>) -> Pos2 {
     map.get_by_label("Map").rect().center()
@@ -137,4 +142,78 @@ fn the_key_of_undo_takes_back_the_last_change_of_the_mission_under_the_pointer()
     map.hover_at(Pos2::new(at.x, 4.0));
     map.run();
     assert!(!undo(&mut map) && says(&map, "2 goals, 0 keep-out zones: not sent"), "the pointer is elsewhere");
+}
+
+/// A topic with a role.
+fn with_role(mut topic: Topic, role: &str) -> Topic {
+    topic.metadata = Arc::new([("rcs.role".to_owned(), role.to_owned())].into());
+    topic
+}
+
+/// The middle of a circle of this radius.
+fn circle(shape: &Shape, radius: f32) -> Option<Pos2> {
+    match shape {
+        Shape::Circle(circle) if circle.radius == radius => Some(circle.center),
+        _ => None,
+    }
+}
+
+#[test]
+fn a_vehicle_on_a_goal_is_seen_and_the_number_of_the_goal_is_beside_it() {
+    for (reached, draws, radius) in [(0, false, 9.0), (1, false, 5.0), (0, true, 9.0)] {
+        let mut map = map_of_a_vehicle_at([1.0, 2.0], 0.5);
+        let goals = vec![PlanePoint { x_m: 1.0, y_m: 2.0 }];
+        let mission = Mission { frame_id: "local".to_owned(), goals, reached, ..Mission::default() };
+        let mission = with_role(samples::topic("/generator/driven", 0.1, 5.0, mission), "mission");
+        let topics = map.state().frame.topics.clone();
+        let others = topics.iter().filter(|topic| topic.name != mission.name).cloned();
+        map.state_mut().frame.topics = others.chain([mission.clone()]).collect();
+        map.run();
+        if draws {
+            press(&mut map, "Draw a mission");
+        }
+        let shapes = &map.output().shapes;
+        let disc = shapes.iter().rposition(|painted| circle(&painted.shape, radius).is_some()).unwrap();
+        let center = circle(&shapes[disc].shape, radius).unwrap();
+        // The edge of its arrow.
+        let mark = |shape: &Shape| match shape {
+            Shape::Path(path) if path.closed && path.points.len() == 4 => {
+                let place = Rect::from_points(&path.points);
+                (place.width() < 30.0 && place.contains(center)).then_some(place)
+            }
+            _ => None,
+        };
+        let vehicle = shapes.iter().rposition(|painted| mark(&painted.shape).is_some()).unwrap();
+        assert!(disc < vehicle, "{disc} {vehicle}");
+        let place = mark(&shapes[vehicle].shape).unwrap();
+        let number = |shape: &Shape| match shape {
+            Shape::Text(text) if text.galley.text() == "1" => Some(shape.visual_bounding_rect()),
+            _ => None,
+        };
+        let number = shapes.iter().find_map(|painted| number(&painted.shape)).unwrap();
+        assert!(!number.intersects(place) && number.distance_to_pos(center) < 80.0, "{number} {place}");
+    }
+}
+
+#[test]
+fn the_disc_of_a_goal_with_its_number_lies_above_the_flag_at_its_place() {
+    let mut frame = samples::driving();
+    let goals = vec![PlanePoint { x_m: 1.0, y_m: 1.0 }];
+    let mission = Mission { frame_id: "local".to_owned(), goals, ..Mission::default() };
+    let position = Some(Vector3 { x: 1.0, y: 1.0, z: 0.0 });
+    let pose = Some(Pose { position, orientation: None });
+    let goal = PoseInFrame { frame_id: "local".to_owned(), pose, ..PoseInFrame::default() };
+    let is_other = |topic: &&Topic| !["/generator/driven", "/vehicle/goal"].contains(&&*topic.name);
+    let others = frame.topics.iter().filter(is_other).cloned();
+    let mission = with_role(samples::topic("/generator/driven", 0.1, 5.0, mission), "mission");
+    let goal = with_role(samples::topic("/vehicle/goal", 1.0, 0.3, goal), "goal");
+    frame.topics = others.chain([mission, goal]).collect();
+    let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+    map.run();
+    let shapes = &map.output().shapes;
+    let disc = shapes.iter().rposition(|painted| circle(&painted.shape, 9.0).is_some()).unwrap();
+    let center = circle(&shapes[disc].shape, 9.0).unwrap();
+    let is_foot = |shape: &Shape| circle(shape, 3.0).is_some_and(|foot| foot.distance(center) < 0.5);
+    let foot = shapes.iter().rposition(|painted| is_foot(&painted.shape)).unwrap();
+    assert!(foot < disc, "{foot} {disc}");
 }

@@ -5,7 +5,7 @@ use crate::samples;
 use crate::view::{Preview, PreviewStage, Previews, Wish};
 use crate::views::view_type;
 use egui::accesskit::Role;
-use egui::{Event, Key, Theme, Vec2};
+use egui::{Event, Key, Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use rcs_msg::prost::Message as _;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 const FINE: f64 = 0.003_906_25;
 
 /// A view of a process whose only parameter has this value, and whose only command has the same parameter.
-fn shown(kind: &str, saved: &serde_json::Value, max_speed_mps: f64) -> Harness<'static, Shown> {
+fn view(kind: &str, saved: &serde_json::Value, max_speed_mps: f64) -> Shown {
     let mut frame = samples::driving();
     let limit = samples::topic("/vehicle_interface/params", 0.0, 0.1, SpeedLimit { max_speed_mps });
     let others = frame.topics.iter().filter(|topic| topic.name != limit.name).cloned();
@@ -31,7 +31,12 @@ fn shown(kind: &str, saved: &serde_json::Value, max_speed_mps: f64) -> Harness<'
     frame.processes = processes.into();
     let mut shown = Shown::new(kind, frame);
     shown.view.load(saved).unwrap();
-    let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
+    shown
+}
+
+/// This view in a large tile.
+fn shown(kind: &str, saved: &serde_json::Value, max_speed_mps: f64) -> Harness<'static, Shown> {
+    let mut harness = harness(view(kind, saved, max_speed_mps), Vec2::new(900.0, 560.0), Theme::Dark);
     harness.run();
     harness
 }
@@ -329,6 +334,30 @@ fn undo_takes_back_no_parameters_that_others_have_sent_since() {
 }
 
 #[test]
+fn undo_that_cannot_send_is_disabled_and_says_why() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    send_two(&mut harness);
+    take(&mut harness, 2.0);
+    let is_disabled =
+        |harness: &Harness<'_, Shown>| harness.get_by_label_contains("Undo").accesskit_node().is_disabled();
+    assert!(!is_disabled(&harness));
+    let frame = &mut harness.state_mut().frame;
+    frame.info = Arc::new(SourceInfo { kind: SourceKind::Log, ..(*frame.info).clone() });
+    harness.run();
+    assert!(is_disabled(&harness));
+    // The note below says so, too.
+    let told = |harness: &Harness<'_, Shown>| {
+        harness.query_all_by_label("A recording cannot be written to; run a stack on it.").count()
+    };
+    let before = told(&harness);
+    let at = harness.get_by_label_contains("Undo").rect().center();
+    harness.hover_at(at);
+    // Passes are a quarter of a second apart.
+    harness.run_steps(8);
+    assert!(told(&harness) > before);
+}
+
+#[test]
 fn the_keyboard_reaches_the_arrow_of_a_parameter_after_its_control() {
     let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
     go_to_number(&mut harness);
@@ -402,6 +431,35 @@ fn a_command_with_parameters_in_the_menu_of_a_box_is_to_be_prepared_and_is_not_s
     let wishes = &harness.state().wishes;
     let [Wish::Command { process, command }] = wishes.as_slice() else { panic!("{wishes:?}") };
     assert_eq!((&**process, command.as_str()), ("vehicle_interface", "LIMIT"));
+}
+
+#[test]
+fn a_narrow_tile_shows_the_number_of_a_command_that_is_to_be_sent_and_of_the_one_that_was_sent() {
+    let size = Vec2::new(320.0, 400.0);
+    let mut harness = harness(view("details", &serde_json::json!({}), 1.0), size, Theme::Dark);
+    let limit = AnyMessage::new(SpeedLimit { max_speed_mps: 1.25 });
+    let command = Command {
+        name: "LIMIT".into(),
+        parameters_schema: limit.schema().name().to_owned(),
+        parameters: limit.bytes(),
+        ..Command::default()
+    };
+    let sent = samples::topic("/vehicle_interface/command", 0.0, 0.1, command);
+    let mut processes = harness.state().frame.processes.to_vec();
+    processes[0].command_buffer = sent.name.to_string();
+    harness.state_mut().frame.processes = processes.into();
+    put(&mut harness, &sent);
+    // Of each text: where it ends, and from where on it is cut.
+    let texts = harness.output().shapes.iter().filter_map(|painted| {
+        let Shape::Text(text) = &painted.shape else { return None };
+        let end = if text.galley.elided { f32::INFINITY } else { text.pos.x + text.galley.size().x };
+        Some((text.galley.text().to_owned(), end, painted.clip_rect.right()))
+    });
+    let texts: Vec<(String, f32, f32)> = texts.collect();
+    for part in ["0.5", " m/s", "1.25"] {
+        let is_whole = |(text, end, cut): &(String, f32, f32)| text.starts_with(part) && end <= cut;
+        assert!(texts.iter().any(is_whole), "{part}: {texts:?}");
+    }
 }
 
 fn preview(process: &str, stage: PreviewStage) -> Preview {

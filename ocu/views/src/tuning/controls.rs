@@ -13,6 +13,8 @@ use std::collections::BTreeMap;
 const LONG_TEXT: usize = 200;
 /// Distance of the names from the left edge, screen points.
 const INDENT: f32 = 8.0;
+/// In less than this width, a name and a number do not fit side by side.
+const NARROW: f32 = 208.0;
 
 /// A parameter with its value in the draft.
 pub(crate) struct Row<'a> {
@@ -131,12 +133,22 @@ impl Rows<'_> {
         }
     }
 
-    /// Name, control and the way back of a plain parameter. The controls of all rows begin at one line.
+    /// Name, control and the way back of a plain parameter. The controls of all rows begin at one line; in a narrow tile,
+    /// each is below its name.
     fn cells(&mut self, ui: &mut Ui, row: &Row<'_>, value: &Value, texts: &Texts, depth: usize, refusal: Id) {
+        let is_narrow = ui.available_width() < NARROW;
+        if is_narrow {
+            ui.horizontal(|ui| {
+                ui.add_space(indent(depth));
+                name_cell(ui, row, texts, ui.available_width());
+            });
+        }
         ui.horizontal(|ui| {
             let names = INDENT + ((ui.available_width() - INDENT) * 0.42).clamp(72.0, 220.0);
             ui.add_space(indent(depth));
-            name_cell(ui, row, texts, (names - indent(depth)).max(48.0));
+            if !is_narrow {
+                name_cell(ui, row, texts, (names - indent(depth)).max(48.0));
+            }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 let (place, _) = ui.allocate_exact_size(Vec2::splat(20.0), egui::Sense::hover());
                 // The control comes first, so that the keyboard reaches it before the arrow.
@@ -298,6 +310,7 @@ fn help(ui: &mut Ui, row: &Row<'_>, texts: &Texts) {
         (None, None) => String::new(),
     };
     for (name, value) in [
+        ("value", texts.value.as_str()),
         ("range", range.as_str()),
         ("default", texts.default.as_str()),
         ("stack", texts.given.as_deref().unwrap_or_default()),

@@ -11,6 +11,8 @@ const MOST: usize = 50;
 /// For this time of the source after parameters were sent, a fault of the process is taken as due to them, ns. A process
 /// takes them in its next cycle.
 const DUE_NS: u64 = 3_000_000_000;
+/// A refused command is told for this time of the source after the last refusal, ns.
+const REFUSED_NS: u64 = 1_000_000_000;
 /// For this time of the window, parameters that were sent are awaited to be in force, s. After that they count as lost.
 const ON_ITS_WAY_S: f64 = 5.0;
 
@@ -30,6 +32,14 @@ struct OnItsWay {
     run: RunTag,
     /// Time of the window when it was sent, s.
     sent_s: f64,
+}
+
+/// A fault of the process that followed something that was sent.
+#[derive(Clone, Debug)]
+struct Fault {
+    text: String,
+    /// Of a refused command: when the last one was refused, and how many were until then.
+    refused: Option<(Stamp, u64)>,
 }
 
 /// The edited parameters of a process.
@@ -53,7 +63,7 @@ pub(crate) struct Draft {
     /// When something was sent last, and the number of the process's faults then.
     sent_at: Option<(Stamp, u64)>,
     /// The fault of the process that followed.
-    fault: Option<String>,
+    fault: Option<Fault>,
     /// What the parameters are.
     specs: Vec<ParamSpec>,
 }
@@ -250,7 +260,7 @@ impl Draft {
 
     /// The fault that followed what was sent last.
     pub(super) fn fault(&self) -> Option<&str> {
-        self.fault.as_deref()
+        self.fault.as_ref().map(|fault| fault.text.as_str())
     }
 
     /// Something is sent now to the process, which has had so many faults.
@@ -263,7 +273,23 @@ impl Draft {
         let Some((sent, faults)) = self.sent_at else { return };
         let is_due = now >= sent && now <= sent.after_ns(DUE_NS);
         if is_due && self.fault.is_none() && status.faults > faults {
-            self.fault = Some(status.last_fault.clone());
+            self.fault = Some(Fault { text: status.last_fault.clone(), refused: None });
+        }
+    }
+
+    /// Forgets the fault where it is that of a refused command, and the vehicle has refused none for some time.
+    pub(super) fn forget_refusal(&mut self, now: Stamp, status: &rcs::Status, vehicle: &rcs::VehicleStatus) {
+        let Some(fault) = &mut self.fault else { return };
+        let reason = &vehicle.last_refusal;
+        match fault.refused {
+            None if reason.is_empty() || !fault.text.starts_with(reason) => {}
+            Some((at, refused)) if refused == vehicle.refused => {
+                if now < at || now > at.after_ns(REFUSED_NS) {
+                    self.fault = None;
+                    self.sent_at = self.sent_at.map(|(sent, _)| (sent, status.faults));
+                }
+            }
+            _ => fault.refused = Some((now, vehicle.refused)),
         }
     }
 }
@@ -335,6 +361,40 @@ mod tests {
         draft.take_fault(at(81), &status(4, "late"));
         draft.take_fault(at(200), &status(5, "late"));
         assert_eq!(draft.fault(), None, "minutes later");
+    }
+
+    #[test]
+    fn a_refused_command_is_told_until_none_was_refused_for_a_second() {
+        let at = |ms: u64| Stamp(ms * 1_000_000);
+        let vehicle = |refused: u64| {
+            let last_refusal = "drive: speed is 1 m/s".to_owned();
+            rcs::VehicleStatus { refused, last_refusal, ..rcs::VehicleStatus::default() }
+        };
+        let text = "drive: speed is 1 m/s; refused";
+        let mut draft = Draft::default();
+        draft.await_fault(at(0), 2);
+        for (now_ms, faults, refused, told) in [
+            (100, 3, 1, Some(text)),
+            (900, 4, 2, Some(text)),
+            (1_800, 4, 2, Some(text)),
+            (2_000, 4, 2, None),
+            (2_100, 4, 2, None),
+            (2_200, 5, 3, Some(text)),
+            (3_300, 5, 3, None),
+        ] {
+            let status = status(faults, text);
+            draft.take_fault(at(now_ms), &status);
+            draft.forget_refusal(at(now_ms), &status, &vehicle(refused));
+            assert_eq!(draft.fault(), told, "{now_ms} ms");
+        }
+        // Of another fault there is no telling whether it still applies.
+        draft.await_fault(at(4_000), 5);
+        for now_ms in [4_100, 9_000] {
+            let status = status(6, "parameters refused");
+            draft.take_fault(at(now_ms), &status);
+            draft.forget_refusal(at(now_ms), &status, &vehicle(3));
+            assert_eq!(draft.fault(), Some("parameters refused"), "{now_ms} ms");
+        }
     }
 
     #[test]

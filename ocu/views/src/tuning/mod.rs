@@ -8,6 +8,7 @@ mod fused;
 mod number;
 
 use crate::command::refusal;
+use crate::operator;
 use crate::view::{Preview, PreviewStage, SavedState, View, ViewContext, Wish, run_beside};
 use controls::Row;
 use draft::Draft;
@@ -88,6 +89,9 @@ impl View for Tuning {
         }
         if let Some(status) = cx.frame.status(info) {
             draft.take_fault(cx.frame.now, status);
+            if let Some((_, vehicle)) = operator::vehicle(cx.frame) {
+                draft.forget_refusal(cx.frame.now, status, vehicle);
+            }
         }
         let may_send = refusal(cx.frame).is_none();
         actions(ui, cx, info, &mut draft, &in_force, self.saved.at_once);
@@ -320,6 +324,8 @@ fn actions(
         let can_undo = refused.is_none() && draft.can_undo() && draft.on_its_way().is_none();
         let undo =
             ui.add_enabled(can_undo, egui::Button::new(format!("{}  Undo", icons::ICON_UNDO.codepoint)));
+        let why = refused.unwrap_or(if draft.can_undo() { sent } else { "Nothing was sent from here." });
+        let undo = undo.on_disabled_hover_text(why);
         if undo.on_hover_text("Send the parameters from before the last change").clicked()
             && let Some(before) = draft.undo(in_force)
         {

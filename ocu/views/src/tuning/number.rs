@@ -9,6 +9,9 @@ use std::ops::RangeInclusive;
 
 /// Most decimals that a slider shows, and to which it rounds what is dragged.
 const DECIMALS: usize = 4;
+/// Least length of a slider, and the width of the number beside it, screen points.
+const LEAST_SLIDER: f32 = 32.0;
+const NUMBER: f32 = 96.0;
 
 /// Why what was typed was refused.
 #[derive(Clone, Debug)]
@@ -56,9 +59,9 @@ fn accepts(spec: &ParamSpec, number: f64) -> bool {
         && spec.max.is_none_or(|max| number <= max)
 }
 
-/// A slider of a number with a narrow range, else a number that can be dragged. Neither showing nor leaving it changes
-/// the value, which may have more decimals than are shown; what is typed is taken with all decimals. What is refused
-/// leaves the number from before it was typed, and the reason at `id` ([`refused`]).
+/// A slider of a number with a narrow range where there is room for one, else a number that can be dragged. Neither showing
+/// nor leaving it changes the value, which may have more decimals than are shown; what is typed is taken with all
+/// decimals. What is refused leaves the number from before it was typed, and the reason at `id` ([`refused`]).
 pub(super) fn number_control(ui: &mut Ui, spec: &ParamSpec, id: Id, new: &mut f64, unit: String) -> Response {
     let before = *new;
     let is_whole = spec.kind == ParamKind::Integer;
@@ -84,8 +87,9 @@ pub(super) fn number_control(ui: &mut Ui, spec: &ParamSpec, id: Id, new: &mut f6
         reason.set(is_refused.then(refusal));
         Some(accepted.unwrap_or(value))
     };
-    let response = if let Some((min, max)) = bounds {
-        ui.spacing_mut().slider_width = (ui.available_width() - 96.0).max(32.0);
+    let has_room = ui.available_width() >= LEAST_SLIDER + NUMBER;
+    let response = if let Some((min, max)) = bounds.filter(|_| has_room) {
+        ui.spacing_mut().slider_width = ui.available_width() - NUMBER;
         let wide = !is_whole && min > 0.0 && max / min > 500.0;
         let slider = Slider::new(new, min..=max).suffix(unit).logarithmic(wide);
         let slider = if is_whole { slider.integer() } else { slider }.clamping(SliderClamping::Edits);

@@ -193,3 +193,37 @@ fn a_command_of_its_own_by_which_a_child_runs_outlasts_release() {
     bench.expect("map", Exec, "saved 0, cleared 0");
     bench.expect("robot", Exec, "all children run");
 }
+
+#[test]
+fn a_child_is_not_said_to_obey_the_operator_after_a_one_shot_and_release() {
+    let mut bench = Bench::new();
+    bench.say("map", "CLEAR");
+    bench.forward(600);
+    bench.expect("map", Exec, "saved 0, cleared 1");
+    bench.expect("robot", Exec, "runs; map obeys operator");
+    bench.say("map", "RELEASE");
+    bench.forward(600);
+    bench.expect("map", Exec, "saved 0, cleared 1");
+    bench.expect("robot", Exec, "all children run");
+
+    // What the operator has told it before the one-shot stays in force.
+    bench.say("map", "KEEP");
+    bench.say("map", "CLEAR");
+    bench.forward(600);
+    bench.say("map", "RELEASE");
+    bench.forward(600);
+    assert_eq!(bench.status("map").command, "KEEP");
+    bench.expect("map", Exec, "saved 0, cleared 2");
+    bench.expect("robot", Exec, "runs; map obeys operator");
+    bench.say("robot", "RUN");
+    bench.forward(600);
+    bench.expect("robot", Exec, "all children run");
+
+    // One that does not do what it is told is named also after a one-shot.
+    bench.say("map", "CLEAR");
+    bench.forward(600);
+    bench.say("robot", "INIT");
+    bench.forward(1500);
+    assert_eq!(bench.status("map").owner, "", "the operator's authority has lapsed");
+    bench.expect("robot", Done, "all other children are initialized; map obeys operator");
+}

@@ -92,8 +92,9 @@ impl Process for Part {
 rcs_runtime::commands! {
     /// Commands of [`Notes`].
     enum NotesCommand {
-        Save = "SAVE": "Count it.",
-        Clear = "CLEAR": "Count it.",
+        Save = "SAVE" once: "Count it.",
+        Clear = "CLEAR" once: "Count it.",
+        Keep = "KEEP": "Keep notes of another kind until RUN.",
     }
 }
 
@@ -127,6 +128,7 @@ impl Process for Notes {
             match command {
                 NotesCommand::Save => self.saved += 1,
                 NotesCommand::Clear => self.cleared += 1,
+                NotesCommand::Keep => {}
             }
         }
         cx.exec(format!("saved {}, cleared {}", self.saved, self.cleared));

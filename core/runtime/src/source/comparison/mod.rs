@@ -8,7 +8,8 @@
 //! a log feeds, and those that only one side has. A run and a recording are compared from what the run writes before its
 //! first event up to the end of the recording, and without the descriptions of their processes, because a run may repeat
 //! a part of the recorded stack. Two recordings are compared up to the end of the shorter one, if they have
-//! a common time.
+//! a common time. A recording that begins later than the other side, or is complete only from later on, is compared
+//! from there on.
 
 mod other;
 mod side;
@@ -83,6 +84,8 @@ pub(super) struct Comparing {
     /// The files of the other recording; empty if none was chosen.
     against: Vec<PathBuf>,
     other: OtherView,
+    /// Whether nobody shows the moment in the other recording.
+    is_other_hidden: bool,
 }
 
 struct Pair {
@@ -166,15 +169,26 @@ impl Comparing {
         self.compare(&wanted, subject);
     }
 
-    /// The moment of `frame` in the other recording; `None` while it is not compared, or not open yet.
+    /// Sets whether the moment in the other recording is shown.
+    pub(super) fn show_other(&mut self, is_shown: bool) {
+        self.is_other_hidden = !is_shown;
+        self.find_other();
+    }
+
+    /// The moment of `frame` in the other recording; `None` while it is not compared, not shown, or not open yet.
     pub(super) fn other_frame(&mut self, frame: &Frame) -> Option<Arc<Frame>> {
         self.find_other();
         self.other.frame(frame)
     }
 
-    /// Shows the other recording once a comparing thread has opened it, and no longer than it is compared.
+    /// Reads the other recording once a comparing thread has opened it, and no longer than it is compared and shown.
     fn find_other(&mut self) {
-        self.other.set(self.pairs.iter().find_map(|pair| lock(&pair.told).other.clone()));
+        let known = if self.is_other_hidden {
+            None
+        } else {
+            self.pairs.iter().find_map(|pair| lock(&pair.told).other.clone())
+        };
+        self.other.set(known);
     }
 
     /// Name of the other recording.

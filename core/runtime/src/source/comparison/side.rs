@@ -130,11 +130,6 @@ impl Reading {
         self.log().is_some()
     }
 
-    /// The time before which a recording that began during its run has no messages.
-    pub(super) fn begins(&self) -> Option<Stamp> {
-        self.log()?.info().complete_from
-    }
-
     /// The time of the last message of a recording; `None` for a run, which may go on.
     pub(super) fn end(&self) -> Option<Stamp> {
         Some(self.log()?.info().end)

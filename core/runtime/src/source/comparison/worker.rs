@@ -3,7 +3,7 @@
 use super::side::{Input, Reading, Step};
 use super::{SharedTold, lock};
 use crate::compare::{Difference, Entry, Matcher, Side};
-use crate::diff::have_common_time;
+use crate::diff::{after_opening, compared_from, have_common_time};
 use crate::stack::{Plan, names};
 use rcs_msg::Stamp;
 use std::collections::BTreeSet;
@@ -67,12 +67,12 @@ impl Work {
             [Some(one), Some(other)] => have_common_time(one, other),
             _ => true,
         };
-        let begins = sides.iter().filter_map(Reading::begins).max();
+        let skipped = skipped(&sides, self.start);
         let mut joint = Joint {
             sides,
             wanted,
             matcher,
-            gaps: begins.map(|begins| (Stamp(0), begins)).into_iter().collect(),
+            gaps: skipped.into_iter().collect(),
             recording_end: recording_ends.into_iter().flatten().min(),
             differences: Vec::new(),
         };
@@ -90,6 +90,19 @@ impl Work {
         joint.run(told);
         Ok(())
     }
+}
+
+/// The part at the beginning that is not compared, because a recording begins later than the other side, or is complete
+/// only from later on: the rule of `diff`. A run begins at `start`.
+fn skipped(sides: &[Reading; 2], start: Stamp) -> Option<(Stamp, Stamp)> {
+    let logs = [sides[0].log(), sides[1].log()];
+    let from = match logs {
+        [Some(one), Some(other)] => compared_from(one, other),
+        [Some(log), None] | [None, Some(log)] => after_opening(log),
+        [None, None] => return None,
+    };
+    let first = logs.map(|log| log.map_or(start, |log| log.info().start)).into_iter().min()?;
+    (from > first).then(|| (Stamp(0), from.before_ns(1)))
 }
 
 /// Both sides.
