@@ -1,5 +1,6 @@
 //! Roles: the purpose of an output, or of an input that an operator writes. Views use them, and the plan checks them.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -108,6 +109,13 @@ impl Role {
     pub fn fits(self, type_name: &str) -> bool {
         self.types().is_empty() || self.types().contains(&type_name)
     }
+}
+
+/// Whether the transforms of a topic or buffer with this name and channel metadata are static, by its role or by ROS's
+/// convention.
+pub(crate) fn has_static_transforms(name: &str, metadata: &BTreeMap<String, String>) -> bool {
+    let is_static = |role: &String| role == Role::StaticTransforms.name();
+    name.ends_with("/tf_static") || metadata.get(ROLE).is_some_and(is_static)
 }
 
 impl fmt::Display for Role {

@@ -10,7 +10,7 @@ use crate::motion::{
     OWN_TRACK_M, Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds, turned_away,
 };
 use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
-use crate::settings::{check_costs, rules_of};
+use crate::settings::{FAR_TIMEOUT_S, check_costs, rules_of};
 use crate::signals::{Closed, Watch};
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, DVec3, Pose};
@@ -32,8 +32,8 @@ pub struct WaypointFollower {
     goal: Option<(f64, f64)>,
     /// Whether the planner has found no way to the goal.
     no_way: bool,
-    /// Whether the planner of a larger map has found none.
-    no_far_way: bool,
+    /// When the planner of a larger map said last that there is none; `None` if it has found one since.
+    no_far_way: Option<Stamp>,
     /// Curvature of the arc before, 1/m.
     before_per_m: f64,
     /// Whether the vehicle turned on the spot, to the left (1) or right (-1).
@@ -220,7 +220,7 @@ impl Process for WaypointFollower {
     fn halt(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
         self.path_at = None;
         self.goal = None;
-        (self.no_way, self.no_far_way) = (false, false);
+        (self.no_way, self.no_far_way) = (false, None);
         self.end_mode_of_before(ports, params, cx);
         self.end_mode("halted", ports, params, cx);
         self.watch = Watch::default();
@@ -276,7 +276,7 @@ impl WaypointFollower {
             self.no_way = plan.state() == PlanState::PlanNoWay;
         }
         if let Some(plan) = cx.read_newest(&ports.far_plan) {
-            self.no_far_way = plan.state() == PlanState::PlanNoWay;
+            self.no_far_way = (plan.state() == PlanState::PlanNoWay).then(|| cx.now());
         }
         if let Some(report) = cx.read_newest(&ports.slip) {
             self.watch.take_slip(&report, report.acq_time());
@@ -444,7 +444,9 @@ impl WaypointFollower {
         let follows = obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow);
         let no_arc = follows && target.is_some() && chosen.is_none();
         let is_free = held == Held::Not;
-        let closed = Closed { way: self.no_way, far_way: self.no_far_way, arcs: no_arc };
+        let is_recent = |at: Stamp| cx.now().seconds_since(at) <= FAR_TIMEOUT_S;
+        let closed =
+            Closed { way: self.no_way, far_way: self.no_far_way.is_some_and(is_recent), arcs: no_arc };
         self.watch.take_closed(if is_free { closed } else { Closed::default() }, cx.now());
         let order = if is_free { [speed_mps, yaw_rate_radps] } else { [0.0; 2] };
         self.watch.take_order(order, position, cx.now());

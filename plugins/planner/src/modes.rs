@@ -51,7 +51,7 @@ pub enum Signal {
     RoomM,
     /// Time since there was a path that can be driven, s; 0 while there is one.
     BlockedS,
-    /// Time since the planner of a larger map found a way to the goal, s; 0 while it finds one.
+    /// Time since the planner of a larger map found a way to the goal, s; 0 while it finds one, or sends nothing.
     FarBlockedS,
     /// Time for which no arc has been free although there is a path, s; 0 while one is.
     NoArcS,

@@ -3,6 +3,9 @@
 use crate::proto::TerrainCosts;
 use crate::terrain::Rules;
 
+/// What the planner of a larger map has sent longer ago than this does not count, s: it sends ten messages in this time.
+pub(crate) const FAR_TIMEOUT_S: f64 = 5.0;
+
 /// Refuses a table that is not ascending.
 pub(crate) fn check_costs(costs: Option<&TerrainCosts>) -> Result<(), String> {
     let table = costs.map_or(&[][..], |costs| &costs.table);

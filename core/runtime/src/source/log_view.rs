@@ -12,7 +12,7 @@ use super::tracks::{Track, is_pose_type, is_transform_type};
 use super::transform_clock::TransformClock;
 use super::{Source, SourceError};
 use crate::conversion::canonical;
-use crate::role::{ROLE, Role};
+use crate::role::has_static_transforms;
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_formula::FieldRef;
 use rcs_geom::TransformTree;
@@ -425,12 +425,8 @@ pub(crate) fn opening_time(log: &Log, from: Stamp) -> Result<Stamp, SourceError>
     Ok(first.map_or(from, |message| message.log_time))
 }
 
-/// Transforms on this topic are static, by ROS's convention or by the role of its channel.
 fn is_static_topic(log: &Log, id: TopicId) -> bool {
-    log.info().topic(id).is_some_and(|topic| {
-        topic.name.ends_with("/tf_static")
-            || topic.metadata.get(ROLE).is_some_and(|role| role == Role::StaticTransforms.name())
-    })
+    log.info().topic(id).is_some_and(|topic| has_static_transforms(&topic.name, &topic.metadata))
 }
 
 /// Runs the `idle` work of a source to its end.

@@ -11,8 +11,8 @@ use super::tracks::frame_name;
 use crate::conversion::canonical;
 use crate::history::{Moment, RunId, Session};
 use crate::record::{RecordOptions, Recording};
-use crate::role::{ROLE, Role};
-use crate::stack::{BufferPlan, names};
+use crate::role::has_static_transforms;
+use crate::stack::names;
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_log::RecorderStatus;
 use rcs_msg::{AnyMessage, DeferredSource, Stamp, foxglove};
@@ -128,7 +128,10 @@ fn opening(session: &mut Session) -> Vec<(usize, Sample)> {
 /// written: of each child frame the newest one.
 fn static_transforms(session: &mut Session, run: RunId) -> Vec<(usize, Sample)> {
     let buffers = session.run().plan().buffers.iter().enumerate();
-    let fixed: Vec<usize> = buffers.filter(|(_, buffer)| is_fixed(buffer)).map(|(index, _)| index).collect();
+    let fixed: Vec<usize> = buffers
+        .filter(|(_, buffer)| has_static_transforms(&buffer.spec.name, &buffer.spec.metadata))
+        .map(|(index, _)| index)
+        .collect();
     let mut newest: BTreeMap<(usize, String), Sample> = BTreeMap::new();
     session.each_message(&fixed, &|| false, &mut |runs, buffer, sample| {
         let Some(sample) = sample.filter(|_| runs.contains(&(run.0 as usize))) else { return };
@@ -139,12 +142,6 @@ fn static_transforms(session: &mut Session, run: RunId) -> Vec<(usize, Sample)> 
     let by_sequence: BTreeMap<(usize, u64), Sample> =
         newest.into_iter().map(|((buffer, _), sample)| ((buffer, sample.header.sequence), sample)).collect();
     by_sequence.into_iter().map(|((buffer, _), sample)| (buffer, sample)).collect()
-}
-
-/// Whether the transforms of a buffer are static, by its role or by ROS's convention.
-fn is_fixed(buffer: &BufferPlan) -> bool {
-    let role = buffer.spec.metadata.get(ROLE);
-    buffer.spec.name.ends_with("/tf_static") || role.is_some_and(|role| role == Role::StaticTransforms.name())
 }
 
 /// The frames that a message places.

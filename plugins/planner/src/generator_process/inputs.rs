@@ -3,6 +3,7 @@
 use super::{Ports, WaypointGenerator};
 use crate::grip::Gripped;
 use crate::proto::WaypointGeneratorParams;
+use crate::settings::FAR_TIMEOUT_S;
 use crate::shortcut::{LONGEST_STEP_M, WayPoint};
 use rcs_geom::DVec2;
 use rcs_msg::Stamp;
@@ -10,8 +11,6 @@ use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Odometry, PosesInFrame}
 use rcs_runtime::Cycle;
 use rcs_sense::pose_of;
 
-/// A path of the planner of the far map that came longer ago than this leads nowhere, s: that planner sends ten in this time.
-const FAR_PATH_TIMEOUT_S: f64 = 5.0;
 /// Distance between the points of the track, m, and their greatest number; then the oldest ones are dropped.
 const TRACK_STEP_M: f64 = 0.5;
 const MOST_TRACK: usize = 20_000;
@@ -125,7 +124,7 @@ impl WaypointGenerator {
     ) {
         let now = cx.now();
         let Some(path) = cx.read_newest(&ports.far_path) else {
-            if self.far_path_at.is_some_and(|at| now.seconds_since(at) > FAR_PATH_TIMEOUT_S) {
+            if self.far_path_at.is_some_and(|at| now.seconds_since(at) > FAR_TIMEOUT_S) {
                 self.far_path.clear();
             }
             return;

@@ -72,8 +72,14 @@ fn without_a_way_on_the_larger_map_it_is_aggressive_until_there_is_one_although_
     go_on(&mut bench, 240);
     assert_eq!(mode(&bench).0, "", "zones close it: {}", story(&bench));
     far_plan(&mut bench, PlanState::PlanNoWay);
-    go_on(&mut bench, 190);
+    go_on(&mut bench, 220);
+    assert_eq!(mode(&bench).0, "", "of a planner that is silent since: {}", story(&bench));
+    for _ in 0..3 {
+        far_plan(&mut bench, PlanState::PlanNoWay);
+        go_on(&mut bench, 64);
+    }
     assert_eq!(mode(&bench).0, "", "for less than 10 s: {}", story(&bench));
+    far_plan(&mut bench, PlanState::PlanNoWay);
     go_on(&mut bench, 20);
     let (name, reason) = mode(&bench);
     assert!(name == "AGGRESSIVE_FAR" && reason.starts_with("far_blocked_s is 10.0"), "{name}: {reason}");
