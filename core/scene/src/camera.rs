@@ -76,6 +76,12 @@ impl CameraRays {
         self.rays[row * self.width + column]
     }
 
+    /// The rays of some pixels of a row.
+    #[inline]
+    pub(crate) fn row(&self, row: usize, columns: &Range<usize>) -> &[Vec3] {
+        &self.rays[row * self.width + columns.start..row * self.width + columns.end]
+    }
+
     pub(crate) fn bundles_across(&self) -> usize {
         self.width.div_ceil(BUNDLE)
     }

@@ -1,18 +1,20 @@
 //! Renders the image of a camera.
 //!
 //! Pixels are processed in bundles of 8×8. For each bundle the shapes that its cone can hit and the distance over which
-//! it is clear of the ground are determined once; each ray then tests those shapes, and traverses the ground from that
-//! distance. Both steps only skip what no ray of the bundle can hit, and bundles have fixed positions in the image. So
-//! the way in which an image is cut into strips does not change the result.
+//! it is clear of the ground are determined once; each ray then tests those shapes. From that distance on, the rays of
+//! four neighbouring pixels traverse the ground together. Both steps only skip what no ray of the bundle can hit, and
+//! bundles have fixed positions in the image. So the way in which an image is cut into strips does not change the
+//! result.
 
 use std::ops::Range;
 
+use glam::Vec4;
 use rcs_geom::Pose;
 
 use crate::camera::{BUNDLE, CameraRays, Cone, GROUP};
 use crate::class::{Class, Label, Surface};
-use crate::heightfield::FieldRay;
 use crate::looks::{Looks, Seen};
+use crate::packet::{LANES, Packet};
 use crate::shape::{Form, MESH_COVER, Shape, Vec3, along, between};
 use crate::trace::Met;
 use crate::world::{Inner, World};
@@ -89,9 +91,25 @@ struct View<'v> {
 }
 
 /// The hit of a ray.
+#[derive(Clone, Copy)]
 struct Found {
     t: f32,
     met: Option<Met>,
+}
+
+/// What a ray hits first.
+#[derive(Clone, Copy)]
+struct Front {
+    solid: Found,
+    /// The fence is blended over what is behind it: distance and index of the nearest shape of a fence.
+    veil: Option<(f32, u32)>,
+    /// The nearest strand of a fence, where the ray may end.
+    strand: Found,
+}
+
+impl Front {
+    const NOTHING: Front =
+        Front { solid: Found { t: RANGE, met: None }, veil: None, strand: Found { t: RANGE, met: None } };
 }
 
 impl<'v> View<'v> {
@@ -152,55 +170,77 @@ impl<'v> View<'v> {
         let cone = self.rays.bundle(column, bundle_row);
         let clear = self.inner.field.clear_until(self.origin, self.turned(cone.axis), cone.spread);
         let first = (bundle_row * BUNDLE).max(rows.start);
+        let columns = self.rays.columns_of(column);
         for row in first..((bundle_row + 1) * BUNDLE).min(rows.end) {
-            for column in self.rays.columns_of(column) {
-                let at = (row - rows.start) * self.rays.width() + column;
-                let ray = self.rays.at(column, row);
-                self.pixel(ray, near, clear, at, out);
+            let at = (row - rows.start) * self.rays.width() + columns.start;
+            for (number, rays) in self.rays.row(row, &columns).chunks(LANES).enumerate() {
+                self.packet(rays, near, clear, at + number * LANES, out);
+            }
+        }
+    }
+
+    /// Neighbouring pixels of a row, at most those of a packet; the first is that at `at` of the buffers.
+    fn packet(&self, rays: &[Vec3], near: &[Ball], clear: f32, at: usize, out: &mut ViewRows<'_>) {
+        let mut d = [[0.0; 3]; LANES];
+        let mut found = [Front::NOTHING; LANES];
+        let mut nearest = [0.0; LANES];
+        for (lane, ray) in rays.iter().enumerate() {
+            d[lane] = self.turned(*ray);
+            if ray[2] > 0.0 {
+                self.shapes(d[lane], near, &mut found[lane]);
+                nearest[lane] = found[lane].solid.t;
+            }
+        }
+        if nearest.iter().any(|nearest| clear < *nearest) {
+            let directions = [0, 1, 2].map(|axis| Vec4::from_array(d.map(|d| d[axis])));
+            let hits = self.inner.field.cast_packet(&Packet::new(self.origin, directions), clear, nearest);
+            for (front, hit) in found.iter_mut().zip(hits) {
+                if let Some(hit) = hit
+                    && hit.t < front.solid.t
+                {
+                    front.solid = Found { t: hit.t, met: Some(Met::Field(hit)) };
+                }
+            }
+        }
+        for (lane, (ray, front)) in rays.iter().zip(&mut found).enumerate() {
+            self.pixel(*ray, d[lane], front, at + lane, out);
+        }
+    }
+
+    /// The shapes that a ray hits first.
+    #[inline]
+    fn shapes(&self, d: Vec3, near: &[Ball], front: &mut Front) {
+        for ball in near {
+            if ball.nearest_m >= front.solid.t {
+                break;
+            }
+            let shape = &self.inner.shapes[ball.shape as usize];
+            if shape.form == Form::Mesh {
+                self.fence(shape, ball.shape, d, &mut front.veil, &mut front.strand);
+            } else if let Some(t) = shape.meet(self.origin, d, front.solid.t) {
+                front.solid = Found { t, met: Some(Met::Shape(ball.shape)) };
             }
         }
     }
 
     #[inline]
-    fn pixel(&self, ray: Vec3, near: &[Ball], clear: f32, at: usize, out: &mut ViewRows<'_>) {
-        let d = self.turned(ray);
+    fn pixel(&self, ray: Vec3, d: Vec3, front: &mut Front, at: usize, out: &mut ViewRows<'_>) {
         if ray[2] <= 0.0 {
             return put(out, at, [0.0; 3], f32::NAN, Class::Sky, Label::Invalid);
         }
-        let mut solid = Found { t: RANGE, met: None };
-        // The fence is blended over what is behind it; a ray may still end at a strand.
-        let (mut veil, mut strand) = (None, Found { t: RANGE, met: None });
-        for ball in near {
-            if ball.nearest_m >= solid.t {
-                break;
-            }
-            let shape = &self.inner.shapes[ball.shape as usize];
-            if shape.form == Form::Mesh {
-                self.fence(shape, ball.shape, d, &mut veil, &mut strand);
-            } else if let Some(t) = shape.meet(self.origin, d, solid.t) {
-                solid = Found { t, met: Some(Met::Shape(ball.shape)) };
-            }
-        }
-        if clear < solid.t {
-            let ray = FieldRay::new(self.origin, d);
-            if let Some(hit) = self.inner.field.cast(&ray, clear, solid.t)
-                && hit.t < solid.t
-            {
-                solid = Found { t: hit.t, met: Some(Met::Field(hit)) };
-            }
-        }
+        let Front { solid, veil, strand } = front;
         // The plain is behind any ground that a ray hits.
         if !matches!(solid.met, Some(Met::Field(_)))
             && let Some(t) = self.inner.plain(self.origin, d, solid.t)
         {
-            solid = Found { t, met: Some(Met::Plain) };
+            *solid = Found { t, met: Some(Met::Plain) };
         }
-        let mut colour = self.colour(&solid, d);
-        let mut seen = &solid;
+        let mut colour = self.colour(solid, d);
+        let mut seen = &*solid;
         if strand.t < solid.t {
-            seen = &strand;
+            seen = strand;
         }
-        if let Some((t, shape)) = veil
+        if let Some((t, shape)) = *veil
             && t < solid.t
         {
             let blended = t * self.rays.pixel_rad > BLEND_M;

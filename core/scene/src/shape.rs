@@ -6,8 +6,8 @@
 
 use crate::class::Class;
 use crate::coat::Coat;
-use crate::heightfield::{larger, smaller};
 use crate::noise::{hash3, unit};
+use crate::number::Number;
 
 /// Coordinates are metres relative to the lattice's first sample.
 pub(crate) type Vec3 = [f32; 3];
@@ -107,7 +107,7 @@ impl Shape {
             return None;
         }
         if self.leaf_m > 0.0 {
-            return self.leaf(origin, direction, larger(enter, 0.0), smaller(leave, nearest));
+            return self.leaf(origin, direction, enter.larger(0.0), leave.smaller(nearest));
         }
         (enter > 0.0).then_some(enter)
     }
@@ -255,11 +255,11 @@ fn disc(o: [f32; 2], d: [f32; 2]) -> Option<[f32; 2]> {
 fn slab(o: f32, d: f32, half: f32) -> [f32; 2] {
     let inverse = 1.0 / if d.abs() < 1e-9 { 1e-9 } else { d };
     let ends = [(-half - o) * inverse, (half - o) * inverse];
-    [smaller(ends[0], ends[1]), larger(ends[0], ends[1])]
+    [ends[0].smaller(ends[1]), ends[0].larger(ends[1])]
 }
 
 #[inline]
 fn both(a: [f32; 2], b: [f32; 2]) -> Option<[f32; 2]> {
-    let [enter, leave] = [larger(a[0], b[0]), smaller(a[1], b[1])];
+    let [enter, leave] = [a[0].larger(b[0]), a[1].smaller(b[1])];
     (enter < leave).then_some([enter, leave])
 }

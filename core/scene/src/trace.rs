@@ -3,7 +3,8 @@
 use rcs_geom::DVec3;
 
 use crate::class::{COVER_M, Class, Label, SHORT_M, Surface};
-use crate::heightfield::{FieldHit, FieldRay};
+use crate::field_ray::FieldRay;
+use crate::heightfield::FieldHit;
 use crate::shape::Vec3;
 use crate::terrain::CELL_M;
 use crate::world::{Inner, World};

@@ -1,15 +1,18 @@
 //! Rays against reference implementations, and images against rays.
 
+use glam::Vec4;
 use proptest::prelude::*;
 use rcs_geom::{DVec2, DVec3, Distortion, PinholeCamera, Pose};
 
 use crate::class::Class;
 use crate::coat::Coat;
-use crate::heightfield::STEM_CLEAR_M;
+use crate::field_ray::FieldRay;
 use crate::noise::Dice;
+use crate::packet::{LANES, Packet};
 use crate::render::{CAMERA_RANGE_M, ViewRows, render_rows};
 use crate::shape::{Form, Shape};
-use crate::terrain::CELL_M;
+use crate::stem::STEM_CLEAR_M;
+use crate::terrain::{CELL_M, TILE};
 use crate::{CameraRays, Hit, World};
 
 /// A small world with everything that a ray can hit.
@@ -60,13 +63,17 @@ fn reference_cast(world: &World, origin: DVec3, direction: DVec3, max_range_m: f
     let run = direction.truncate().length();
     for row in 0..field.lattice.cells[1] {
         for column in 0..field.lattice.cells[0] {
-            let Some(stem) = field.stem([column, row]) else { continue };
+            let tile = row / TILE * field.tiles_across + column / TILE;
+            if field.tiles[tile][3] == 0.0 {
+                continue;
+            }
+            let stem = field.stems.of_tile(tile)[row % TILE * TILE + column % TILE];
             let corner = low + DVec2::new(column as f64, row as f64) * CELL_M;
-            let middle = corner + DVec2::new(f64::from(stem.at[0]), f64::from(stem.at[1])) * CELL_M;
+            let middle = low + DVec2::new(f64::from(stem.at[0]), f64::from(stem.at[1])) * CELL_M;
             let to = middle - origin.truncate();
             let (along, aside) =
                 (to.dot(direction.truncate()) / run, to.perp_dot(direction.truncate()) / run);
-            let radius = f64::from(stem.radius) * CELL_M;
+            let radius = f64::from(stem.radius2).sqrt() * CELL_M;
             if aside.abs() >= radius {
                 continue;
             }
@@ -114,6 +121,42 @@ fn rays_meet_what_the_plain_reference_meets() {
     }
     // With f32, a ray that grazes a blade or a leaf by micrometres may have another result.
     assert!(missed.len() * 100 <= RAYS, "{} of {RAYS}: {missed:?}", missed.len());
+}
+
+#[test]
+fn a_packet_has_the_hits_of_its_rays_to_the_last_bit() {
+    let world = small();
+    let field = &world.inner.field;
+    let mut dice = Dice::new(41);
+    let (mut hits, mut stems) = (0, 0);
+    for _ in 0..4 * RAYS {
+        // Some origins are outside of the world.
+        let at = DVec2::new(dice.between([97.0, 133.0]), dice.between([-23.0, 9.0]));
+        let origin = world.local(at.extend(world.height_m(at) + dice.between([0.05, 3.0])));
+        let way = DVec3::new(dice.between([-1.0, 1.0]), dice.between([-1.0, 1.0]), dice.between([-0.8, 0.1]));
+        // Neighbours, as of pixels; of some packets rays far apart, of which one points along an axis and one down, and
+        // one is not used.
+        let spread = if dice.unit() < 0.8 { 0.01 } else { 0.7 };
+        let mut directions = [(); LANES].map(|()| {
+            let aside =
+                DVec3::new(dice.between([-1.0, 1.0]), dice.between([-1.0, 1.0]), dice.between([-1.0, 1.0]));
+            (way + aside * spread).normalize().to_array().map(|v| v as f32)
+        });
+        if spread > 0.5 {
+            directions[1..].copy_from_slice(&[[0.0, -0.8, -0.6], [0.0, 0.0, -1.0], [0.0; 3]]);
+        }
+        let from = dice.between([-3.0, 3.0]).max(0.0) as f32 * if dice.unit() < 0.1 { 30.0 } else { 1.0 };
+        let mut to = [(); LANES].map(|()| dice.between([0.0, 60.0]) as f32);
+        to[3] *= if spread > 0.5 { 0.0 } else { 1.0 };
+        let by_axis = [0, 1, 2].map(|axis| Vec4::from_array(directions.map(|direction| direction[axis])));
+        let packet = field.cast_packet(&Packet::new(origin, by_axis), from, to);
+        let alone: [_; LANES] =
+            std::array::from_fn(|lane| field.cast(&FieldRay::new(origin, directions[lane]), from, to[lane]));
+        assert_eq!(packet, alone, "from {origin:?} along {directions:?}, {from} to {to:?} m");
+        hits += alone.iter().flatten().count();
+        stems += alone.iter().flatten().filter(|hit| hit.stem >= 0.0).count();
+    }
+    assert!(hits > 4 * RAYS && stems > RAYS / 4, "{hits} hits, {stems} of stems");
 }
 
 /// Whether a point is inside of a shape without holes.
