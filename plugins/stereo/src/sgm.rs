@@ -343,15 +343,18 @@ const SUMS: usize = 16;
 fn sum_paths(a: &[u8], b: &[u8], c: &[u8], d: &[u8], sums: &mut [u16]) -> u16 {
     let mut least = [u16::MAX; SUMS];
     for (k, sums) in sums.chunks_exact_mut(SUMS).enumerate() {
-        let at = k * SUMS;
-        let (a, b) = (&a[at..][..SUMS], &b[at..][..SUMS]);
-        let (c, d) = (&c[at..][..SUMS], &d[at..][..SUMS]);
-        for i in 0..SUMS {
-            sums[i] = u16::from(a[i]) + u16::from(b[i]) + u16::from(c[i]) + u16::from(d[i]);
+        // In an array of its own, because the compiler makes no vectors of sums that it would write one by one.
+        let mut four = [0; SUMS];
+        for path in [a, b, c, d] {
+            let path = &path[k * SUMS..][..SUMS];
+            for i in 0..SUMS {
+                four[i] += u16::from(path[i]);
+            }
         }
         for i in 0..SUMS {
-            least[i] = least[i].min(sums[i]);
+            least[i] = least[i].min(four[i]);
         }
+        sums.copy_from_slice(&four);
     }
     least_sum(&least)
 }
