@@ -1,6 +1,6 @@
 //! Definitions of a log: schemas, channels, attachments, metadata, statistics.
 
-use crate::info::{AttachmentInfo, COMPLETE_FROM, LogTopic, Metadata, TopicId};
+use crate::info::{AttachmentInfo, COMPLETE_FROM, Counted, LogTopic, Metadata, TopicId};
 use crate::parse;
 use crate::record::{Fields, Head, op};
 use bytes::Bytes;
@@ -142,8 +142,8 @@ impl Catalog {
             .insert(id, Channel { id, schema_id: 0, topic, message_encoding, metadata: BTreeMap::new() });
     }
 
-    /// The topics with their message counts, in a log with this duration without its gaps.
-    pub(crate) fn topics(&self, counts: &BTreeMap<u16, u64>, duration_s: f64) -> Vec<LogTopic> {
+    /// The topics with their message counts, without rates.
+    pub(crate) fn topics(&self, counts: &BTreeMap<u16, u64>) -> Vec<LogTopic> {
         let mut shared: BTreeMap<(u16, &str), Arc<Schema>> = BTreeMap::new();
         let mut topics = Vec::with_capacity(self.channels.len());
         for (&id, channel) in &self.channels {
@@ -157,7 +157,6 @@ impl Catalog {
             });
             let schema = Arc::clone(schema);
             let messages = counts.get(&id).copied().unwrap_or(0);
-            let hz = if duration_s > 0.0 && messages > 1 { messages as f64 / duration_s } else { 0.0 };
             let undecodable_because = if channel.schema_id != 0 && record.is_none() {
                 Some(format!("the log has no schema {}", channel.schema_id))
             } else {
@@ -169,9 +168,10 @@ impl Catalog {
                 schema,
                 metadata: channel.metadata.clone(),
                 messages,
-                hz,
+                hz: 0.0,
                 decodable: undecodable_because.is_none(),
                 undecodable_because,
+                counted: Counted::NONE,
             });
         }
         topics

@@ -25,7 +25,7 @@ pub enum LogError {
         source: io::Error,
     },
     /// The output file exists already.
-    #[error("the file exists already; expected a new one, or leave to replace it: {path}")]
+    #[error("the file exists already; expected the name of a new file: {path}")]
     Exists {
         /// The file.
         path: PathBuf,
@@ -37,9 +37,9 @@ pub enum LogError {
         path: PathBuf,
     },
     /// The file does not begin like an MCAP log.
-    #[error("not an mcap log: expected it to begin with 89 4d 43 41 50 30 0d 0a, got {got}: {path}")]
+    #[error("not an mcap log: got {got}; expected a recording in the format mcap: {path}")]
     NotALog {
-        /// What the file is, or its first bytes in hexadecimal.
+        /// What the file is, in words.
         got: String,
         /// The file.
         path: PathBuf,

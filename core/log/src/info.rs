@@ -47,12 +47,35 @@ pub struct LogTopic {
     pub metadata: BTreeMap<String, String>,
     /// Number of readable messages.
     pub messages: u64,
-    /// Messages per second over the duration of the log without its gaps; 0 for fewer than two messages or no duration.
+    /// Mean rate ([`LogInfo::mean_hz`]); 0 where there is none.
     pub hz: f64,
     /// Whether a reader exists for the schema.
     pub decodable: bool,
     /// Why not, if there is none.
     pub undecodable_because: Option<String>,
+    /// The messages that count for its rate.
+    pub(crate) counted: Counted,
+}
+
+/// The messages of topics that count for a rate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Counted {
+    pub(crate) messages: u64,
+    /// Times of the first and of the last one; reversed if there is none.
+    pub(crate) first: Stamp,
+    pub(crate) last: Stamp,
+}
+
+impl Counted {
+    pub(crate) const NONE: Self = Self { messages: 0, first: Stamp::MAX, last: Stamp(0) };
+
+    fn join(self, other: Self) -> Self {
+        Self {
+            messages: self.messages.saturating_add(other.messages),
+            first: self.first.min(other.first),
+            last: self.last.max(other.last),
+        }
+    }
 }
 
 /// Description of a log, known after opening it.
@@ -91,6 +114,8 @@ pub struct LogInfo {
     /// The time from which a recording is complete, as its metadata says ([`COMPLETE_FROM`]); before it are only the
     /// messages that held then. The rates of its topics are those after that time. `None` for a log that says nothing.
     pub complete_from: Option<Stamp>,
+    /// Duration without gaps, from [`LogInfo::complete_from`] on, s.
+    pub(crate) recorded_s: f64,
 }
 
 impl LogInfo {
@@ -102,6 +127,31 @@ impl LogInfo {
     /// All topics with this name.
     pub fn topics_named<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a LogTopic> {
         self.topics.iter().filter(move |topic| topic.name == name)
+    }
+
+    /// Mean rate of the messages of these topics together: the number of intervals between them by the time from the
+    /// first to the last one, without gaps. `None` for fewer than two messages, or if all have one time.
+    pub fn mean_hz(&self, topics: &[TopicId]) -> Option<f64> {
+        let Counted { messages, first, last } = self.counted(topics);
+        if messages < 2 {
+            return None;
+        }
+        let inside = self.gaps.iter().filter(|gap| gap.from >= first && gap.to <= last);
+        let silent_ns = inside.fold(0u64, |sum, gap| sum.saturating_add(gap.to.0 - gap.from.0));
+        let span_ns = last.0.saturating_sub(first.0).saturating_sub(silent_ns);
+        (span_ns > 0).then(|| (messages - 1) as f64 / (span_ns as f64 * 1e-9))
+    }
+
+    /// Messages of these topics per second of the log without its gaps, which is low for what is sent only at times.
+    /// `None` for fewer than two messages or no duration.
+    pub fn density_hz(&self, topics: &[TopicId]) -> Option<f64> {
+        let messages = self.counted(topics).messages;
+        (messages > 1 && self.recorded_s > 0.0).then(|| messages as f64 / self.recorded_s)
+    }
+
+    fn counted(&self, topics: &[TopicId]) -> Counted {
+        let topics = topics.iter().filter_map(|id| self.topic(*id));
+        topics.fold(Counted::NONE, |all, topic| all.join(topic.counted))
     }
 
     /// Time from the first message to the last, in seconds.

@@ -42,6 +42,7 @@ mod error;
 mod find;
 mod gaps;
 mod identity;
+mod indexed;
 mod info;
 mod log;
 mod output;

@@ -78,7 +78,7 @@ pub(crate) struct Opened {
     pub(crate) verified: u64,
 }
 
-/// What a file is that begins with these bytes, in words or hexadecimal.
+/// What a file is that begins with these bytes.
 fn what_begins(front: &[u8]) -> String {
     const CONVERT: &str = "which `mcap convert` (Foxglove's command-line tool) converts to one";
     match front {
@@ -87,7 +87,15 @@ fn what_begins(front: &[u8]) -> String {
         b"SQLite f" => format!("an SQLite database, such as a bag of ROS 2 (.db3), {CONVERT}"),
         [b'U', b'L', b'o', b'g', ..] => "a ULog of PX4".to_owned(),
         [0x28, 0xb5, 0x2f, 0xfd, ..] => "a file compressed as a whole, which `zstd -d` unpacks".to_owned(),
-        _ => front.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" "),
+        [0x89, b'P', b'N', b'G', ..] => "a PNG image".to_owned(),
+        [0xff, 0xd8, 0xff, ..] => "a JPEG image".to_owned(),
+        _ if front.iter().all(|byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace()) => {
+            format!("a text that begins with {:?}", String::from_utf8_lossy(front))
+        }
+        _ => {
+            let bytes: Vec<String> = front.iter().map(|byte| format!("{byte:02x}")).collect();
+            format!("a file of an unknown format, which begins with the bytes {}", bytes.join(" "))
+        }
     }
 }
 
@@ -167,8 +175,6 @@ impl Log {
         first_behind.reverse();
         let messages = counts.values().fold(0u64, |sum, count| sum.saturating_add(*count));
         let (start, end) = times(&catalog, &segments, recovered);
-        let silent_ns = gaps.iter().fold(0u64, |sum, gap| sum.saturating_add(gap.to.0 - gap.from.0));
-        let recorded_s = end.saturating_sub(start).saturating_sub(silent_ns) as f64 * 1e-9;
         let info = LogInfo {
             path: source.path().to_owned(),
             files: source.files().map(|file| file.path().to_owned()).collect(),
@@ -179,15 +185,16 @@ impl Log {
             segments: segments.len() as u64,
             recovered,
             lost,
-            topics: catalog.topics(&counts, recorded_s),
+            topics: catalog.topics(&counts),
             problems: problems.list(),
             verified,
             gaps,
             profile: catalog.profile.clone(),
             library: catalog.library.clone(),
             complete_from: catalog.complete_from(),
+            recorded_s: 0.0,
         };
-        let info = rates::of_complete_part(info, &source, &segments, &parts);
+        let info = rates::with_rates(info, &source, &segments, [&by_first, &by_last], &parts);
         catalog.schemas.clear();
         let found = Mutex::new(Found { lost, problems, reported, reported_at: BTreeSet::new() });
         let cache = Cache::new(CACHE_BYTES);

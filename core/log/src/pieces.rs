@@ -6,12 +6,11 @@
 use crate::cache::Loaded;
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
+use crate::indexed::indexed;
 use crate::info::{MessagePosition, TopicId};
 use crate::log::{Log, place_of};
-use crate::record::{
-    HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, index_entries, indexed_messages, is_filled_by_index, op,
-};
-use crate::segment::{INDEX_LIMIT, MessageRef};
+use crate::record::{HEAD, Head, MESSAGE_HEAD, MessageHead};
+use crate::segment::MessageRef;
 use rcs_msg::Stamp;
 
 /// A part of a log that is stored together. Parts may overlap in time.
@@ -91,52 +90,14 @@ impl Log {
     ) -> Result<bool, LogError> {
         let inner = &*self.0;
         let segment = &inner.segments[piece.segment as usize];
-        let channels = inner.parts.channels(segment);
-        if !segment.chunk {
-            return Ok(false);
-        }
-        let mut found = Vec::new();
-        let (mut at, mut is_indexed) = (segment.end(), false);
-        loop {
-            let left = inner.source.length().saturating_sub(at);
-            if left == 0 {
-                break;
-            }
-            let front = inner.source.read(at, left.min(PROBE as u64) as usize)?;
-            let body = front.get(HEAD..).unwrap_or_default();
-            let head = Head::read(&front).filter(|head| head.plausible(body) && head.length() <= left);
-            let Some(head) = head else { return Ok(false) };
-            if head.op != op::MESSAGE_INDEX {
-                // The indexes end here, unless this is one whose opcode is damaged.
-                if is_filled_by_index(body, head.body) {
-                    return Ok(false);
-                }
-                break;
-            }
-            if head.body > INDEX_LIMIT {
-                return Ok(false);
-            }
-            is_indexed = true;
-            let channel = indexed_messages(body).map_or(0, |(channel, _)| channel);
-            let channel = channels.map_or(Some(channel), |channels| channels.get(&channel).copied());
-            if let Some(channel) = channel
-                && options.topics.as_ref().is_none_or(|topics| topics.contains(&TopicId(channel)))
-            {
-                let body = inner.source.read(at + HEAD as u64, head.body as usize)?;
-                for (time, offset) in index_entries(&body) {
-                    let time = time.clamp(segment.first, segment.last);
-                    let offset = u32::try_from(offset).unwrap_or(u32::MAX);
-                    found.push(MessageRef { time, offset, channel });
-                }
-            }
-            at += head.length();
-        }
-        found.sort_unstable();
+        let topics = options.topics.as_ref();
+        let wants = |channel| topics.is_none_or(|topics| topics.contains(&TopicId(channel)));
+        let Some(found) = indexed(&inner.source, &inner.parts, segment, wants)? else { return Ok(false) };
         let is_selected = |message: &&MessageRef| (options.start.0..=options.end.0).contains(&message.time);
         for message in found.iter().filter(is_selected) {
             take(TopicId(message.channel), place_of(piece.segment, *message));
         }
-        Ok(is_indexed)
+        Ok(true)
     }
 }
 

@@ -174,6 +174,18 @@ impl Points<'_> {
         self.data.is_empty()
     }
 
+    /// Whether its points have colours of their own.
+    pub fn has_colours(&self) -> bool {
+        self.colour.is_some()
+    }
+
+    /// The numbers of a field of the cloud, in the order of the points; `None` if it has no numbers, or does not lie
+    /// within a point.
+    pub fn values(&self, field: &PackedElementField) -> Option<Vec<f64>> {
+        let at = at(field, self.stride).ok()?;
+        Some(self.data.chunks_exact(self.stride).map(|point| at.read(point)).collect())
+    }
+
     /// All points, in the order of the message.
     pub fn iter(&self) -> impl Iterator<Item = Point> + '_ {
         self.data.chunks_exact(self.stride).map(|point| Point {
@@ -217,6 +229,18 @@ mod tests {
         let expect =
             Point { position: DVec3::new(1.0, 2.0, 3.0), rgb: Some([10, 20, 30]), intensity: Some(7.0) };
         assert_eq!(points, [expect]);
+    }
+
+    #[test]
+    fn the_numbers_of_any_field_within_a_point_are_read() {
+        let mut fields = XYZ.to_vec();
+        fields.extend([("ring", 12, NumericType::Uint16), ("outside", 13, NumericType::Uint16)]);
+        let data: Vec<u8> = [[0_u8; 12].as_slice(), &[7, 0], &[0; 12], &[0, 1]].concat();
+        let cloud = cloud(&fields, 14, data);
+        let read = points(&cloud).expect("it is a cloud");
+        assert_eq!(read.values(&cloud.fields[3]), Some(vec![7.0, 256.0]));
+        assert_eq!(read.values(&cloud.fields[4]), None);
+        assert!(!read.has_colours());
     }
 
     #[test]

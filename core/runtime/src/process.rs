@@ -160,8 +160,8 @@ impl ProcessType {
         (self.params)()
     }
 
-    /// Whether the process itself accepts these parameters.
-    pub(crate) fn check(&self, params: &AnyMessage, files: &FileTable) -> Result<(), String> {
+    /// Refuses parameters that the process itself refuses, such as the text of a file.
+    pub fn check(&self, params: &AnyMessage, files: &FileTable) -> Result<(), String> {
         (self.check)(&files.resolve(params)?)
     }
 

@@ -111,10 +111,14 @@ impl RecordedRun {
             )));
         }
         if end.is_none() {
+            if read.info.live {
+                // Cycles and events are recorded after their messages, so the last messages may lack theirs.
+                read.end = good;
+            }
             let at = read.end.seconds_since(read.start);
             read.problems.push(format!("the recording was not finished: it goes up to {at:.3} s"));
         }
-        // Cycles that end after the last recorded message are dropped, because their output was not recorded.
+        // Cycles that end later are dropped, because their output was not recorded.
         let until = read.end;
         read.schedule.retain(|(_, _, end)| *end <= until);
         read.journal = Journal::new(events);

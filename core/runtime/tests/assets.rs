@@ -202,6 +202,17 @@ fn a_file_that_a_course_lacks_is_said_of_the_course_and_an_empty_one_of_that_fil
 }
 
 #[test]
+fn a_file_of_the_course_that_no_process_takes_is_read_too() {
+    let on = |course: &str| {
+        let text = format!("format = 1\nname = \"t\"\ncourse = {course:?}\n{}", robot("/operator/pose"));
+        plan(None, &text, &[]).map(drop)
+    };
+    assert_eq!(on("easy"), Ok(()));
+    let error = on("lost").unwrap_err();
+    assert_eq!(error, "courses/lost.toml:2: no world \"atlantis\" beside \"courses/lost.toml\"");
+}
+
+#[test]
 fn the_truth_is_wired_only_to_those_who_may_know_it() {
     let error = plan(None, &stack("", "", &robot("/vehicle/pose")), &[]).unwrap_err();
     assert!(

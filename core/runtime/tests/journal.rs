@@ -5,7 +5,7 @@
 mod common;
 
 use common::{PAIR, PLUGINS, newest, plan, seconds, stepped};
-use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
+use rcs_log::{CursorOptions, Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, DeferredSource as _, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Task, finish_idle};
 use rcs_runtime::{
@@ -345,6 +345,70 @@ fn a_live_run_with_a_sensor_an_edit_and_a_command_replays_to_its_own_hash() {
     );
     assert!(recorded.end() < RecordedRun::read(&log, PLUGINS).unwrap().end());
     assert_eq!(repeat(&bad).1, None);
+}
+
+/// Copies the first messages of a recording, and no end: as of a run that was killed.
+fn copy_first(from: &Log, to: &Path, count: usize) {
+    let mut writer = LogWriter::create(to, WriterOptions::default()).unwrap();
+    let mut channels = BTreeMap::new();
+    for topic in &from.info().topics {
+        let channel = writer.add_channel(&topic.name, &topic.schema, &topic.metadata).unwrap();
+        channels.insert(topic.id, channel);
+    }
+    for message in from.cursor(CursorOptions::default()).take(count) {
+        let message = message.unwrap();
+        let header = WriteHeader {
+            sequence: message.sequence,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        writer.write(channels[&message.topic], header, &message.data).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_live_recording_cut_after_any_message_replays_to_its_last_whole_cycle_and_a_finished_one_to_its_end() {
+    let (folder, path) = folder();
+    let options = LiveOptions { run: hashing(), record: Some(path.clone()), ..LiveOptions::default() };
+    let live = Live::start(plan(PAIR).unwrap(), &options).unwrap();
+    let deadline = Instant::now() + Duration::from_mins(1);
+    let wait = |count: u64| {
+        while live.bus().get("/counter/count").unwrap().newest() < count {
+            assert!(Instant::now() < deadline, "a live run of small processes stands still");
+            std::thread::yield_now();
+        }
+    };
+    wait(4);
+    live.take(params(9.0)).unwrap();
+    wait(7);
+    assert_eq!(live.stop().recording.unwrap().unwrap().dropped, 0);
+    let log = Log::open(&path).unwrap();
+    let topic_of = |id| log.info().topic(id).unwrap().name.as_str();
+    let messages: Vec<_> = log.cursor(CursorOptions::default()).map(Result::unwrap).collect();
+    let cut = folder.path().join("cut.mcap");
+    let mut cycle = None;
+    for (message, count) in messages.iter().zip(1..) {
+        copy_first(&log, &cut, count);
+        let part = Log::open(&cut).unwrap();
+        assert_eq!(repeat(&part).1, None, "cut after message {count} of {}", messages.len());
+        if ["/runtime/schedule", "/runtime/journal"].contains(&topic_of(message.topic)) {
+            cycle = Some(message.log_time);
+        }
+        let end = RecordedRun::read(&part, PLUGINS).unwrap().end();
+        assert_eq!(end, cycle.unwrap_or(log.info().start), "cut after message {count}");
+        std::fs::remove_file(&cut).unwrap();
+    }
+    // The last message of the finished recording is compared.
+    let counts = log.info().topics_named("/counter/count").map(|topic| topic.messages).sum::<u64>();
+    let changed = folder.path().join("changed.mcap");
+    copy(&log, &changed, |topic, sequence, data| {
+        if topic == "/counter/count" && u64::from(sequence) == counts {
+            data[4] ^= 1;
+        }
+    });
+    let first = repeat(&Log::open(&changed).unwrap()).1.unwrap();
+    assert_eq!((first.buffer.as_str(), first.sequence), ("/counter/count", counts));
 }
 
 /// The journal alone of a live run of a minute, in which the operator changes a parameter near the end.

@@ -16,7 +16,8 @@
 //! ```
 //!
 //! The vehicle stays inside of `area`, else inside of the bounds of the world, and outside of the zones of `keep_out`.
-//! Both are for its planning; the simulated world has no such borders.
+//! Both are for its planning; the simulated world has no such borders. They are checked here, so that every stack
+//! refuses the same courses.
 //!
 //! Positions are UTM coordinates in metres, in the zone and hemisphere of the world's origin. A zone may be given; it
 //! must then equal the world's. Headings are degrees counter-clockwise from east. The origin of the world's frame
@@ -26,6 +27,7 @@
 use crate::read::{SceneError, Table};
 use rcs_geom::{DVec2, Utm};
 use std::ops::RangeInclusive;
+use toml::de::DeValue;
 
 /// The content of a course file.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,6 +88,9 @@ impl UtmPosition {
 const EASTING_M: RangeInclusive<f64> = 0.0..=1.0e6;
 const NORTHING_M: RangeInclusive<f64> = 0.0..=1.0e7;
 
+/// Greatest number of corners of a polygon, and of zones.
+const MOST: usize = 1000;
+
 impl Course {
     /// Parses a course file. Missing, unknown and out-of-range keys are refused with line and key.
     pub fn from_toml(text: &str) -> Result<Course, SceneError> {
@@ -102,9 +107,14 @@ impl Course {
         let time_limit_s = table.need_number("time_limit_s", 1.0..=36_000.0)?;
         let (start, heading_deg) = place(&mut table, "start", true)?;
         let (goal, _) = place(&mut table, "goal", false)?;
-        // These are for the vehicle, whose planning reads and checks them.
-        for key in ["area", "keep_out"] {
-            table.take(key);
+        if let Some(area) = table.take("area") {
+            check_polygon(&table, "area", area.get_ref())?;
+        }
+        if let Some(zones) = table.take("keep_out") {
+            let list = zones.get_ref().as_array().filter(|list| list.len() <= MOST);
+            let expected = || table.error("keep_out", format!("expected a list of at most {MOST} polygons"));
+            let list = list.ok_or_else(expected)?;
+            list.iter().try_for_each(|zone| check_polygon(&table, "keep_out", zone.get_ref()))?;
         }
         table.finish()?;
         let start_heading_rad = heading_deg.to_radians();
@@ -121,6 +131,29 @@ impl Course {
             time_limit_s,
         })
     }
+
+    /// The line of a key in the text of a course, from 1; 1 if there is no such key.
+    pub fn line_of(text: &str, key: &str) -> usize {
+        Table::open(text).map_or(1, |table| table.error(key, "").line)
+    }
+}
+
+/// Refuses a value that is no polygon: 3 to [`MOST`] corners [easting, northing], UTM, m.
+fn check_polygon(table: &Table<'_>, key: &str, value: &DeValue<'_>) -> Result<(), SceneError> {
+    let expected = || table.error(key, "expected [[easting, northing], …]");
+    let corners = value.as_array().ok_or_else(expected)?;
+    for corner in corners {
+        let Some([easting, northing]) = corner.get_ref().as_array().map(|pair| &**pair) else {
+            return Err(expected());
+        };
+        table.number_in(key, easting.get_ref(), &EASTING_M)?;
+        table.number_in(key, northing.get_ref(), &NORTHING_M)?;
+    }
+    let count = corners.len();
+    if (3..=MOST).contains(&count) {
+        return Ok(());
+    }
+    Err(table.error(key, format!("a polygon has {count} corners, expected 3 to {MOST}")))
 }
 
 /// The name of a file; an empty one is refused.
@@ -219,5 +252,31 @@ northing = 4335120.0
         check("northing = 4335120.0", "northing = -1.0", "line 17, key \"goal.northing\": got -1");
         check("[goal]", "[finish]", "key \"goal\": is missing");
         check("name = \"meadow\"", "name = \"meadow", "line 2");
+        // Not all digits of a great number.
+        check("time_limit_s = 240", "time_limit_s = 1e300", "got 1e300, expected");
+    }
+
+    #[test]
+    fn an_area_and_zones_are_refused_with_their_line_by_whoever_reads_the_course() {
+        let line = "goal_radius_m = 2.0";
+        for (zones, refusal) in [
+            ("area = []", "key \"area\": a polygon has 0 corners, expected 3 to 1000"),
+            ("area = [[1, 2], [3, 4]]", "key \"area\": a polygon has 2 corners"),
+            ("area = [[1, 2], [nan, 4333600], [5, 6]]", "key \"area\": got NaN, expected a number"),
+            ("area = [[1, 2], [3, -1], [5, 6]]", "key \"area\": got -1, expected a number"),
+            ("area = 3", "key \"area\": expected [["),
+            ("keep_out = [[1, 2], [3, 4], [5, 6]]", "key \"keep_out\": expected [["),
+            ("keep_out = [[[1, 2], [3, 4]]]", "key \"keep_out\": a polygon has 2 corners"),
+            ("keep_out = 'x'", "key \"keep_out\": expected a list"),
+        ] {
+            check(line, zones, &format!("line 7, {refusal}"));
+        }
+    }
+
+    #[test]
+    fn the_line_of_a_key_is_found_in_both_ways_to_write_a_table() {
+        assert_eq!(Course::line_of(SOUND, "goal"), 15);
+        assert_eq!(Course::line_of("goal_radius_m = 1\ngoal = { easting = 1.0 }\n", "goal"), 2);
+        assert_eq!(Course::line_of(SOUND, "absent"), 1);
     }
 }

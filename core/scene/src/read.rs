@@ -88,7 +88,8 @@ impl<'t> Table<'t> {
         self.error(key, format!("is missing, expected {expected}"))
     }
 
-    fn number_in(
+    /// A number within a range, from the value of a key.
+    pub(crate) fn number_in(
         &self,
         key: &str,
         value: &DeValue<'_>,
@@ -103,7 +104,9 @@ impl<'t> Table<'t> {
         match number {
             Some(number) if range.contains(&number) => Ok(number),
             got => {
-                let got = got.map_or_else(|| "no number".to_owned(), |number| number.to_string());
+                // Not all 300 digits of a great number.
+                let shown = |n: f64| if n.abs() < 1e15 { n.to_string() } else { format!("{n:e}") };
+                let got = got.map_or_else(|| "no number".to_owned(), shown);
                 Err(self.error(key, format!("got {got}, expected {expected}")))
             }
         }

@@ -279,6 +279,7 @@ fn read_origin(file: &mut Table<'_>) -> Result<Utm, SceneError> {
     let easting_m = table.need_number("easting_m", 1.0e5..=9.0e5)?;
     let northing_m = table.need_number("northing_m", 0.0..=1.0e7)?;
     let origin = Utm::new(zone as u8, north, easting_m, northing_m)
+        .and_then(Utm::within_latitudes)
         .map_err(|error| table.error("northing_m", error.to_string()))?;
     table.finish()?;
     Ok(origin)

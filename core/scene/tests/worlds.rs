@@ -61,6 +61,13 @@ fn bad_worlds_are_refused_with_line_and_key() {
         let error = World::from_toml(&PLAIN.replace("[[0, 0], [40, 30]]", corners)).unwrap_err();
         assert_eq!(error.message, "expected the two corners [[x, y], [x, y]] in metres", "{corners}");
     }
+    for (place, latitude) in [("northing_m = 9400000", "84."), ("north = false, northing_m = 0", "-8")] {
+        let error = World::from_toml(&PLAIN.replace("northing_m = 4333000", place)).unwrap_err();
+        assert_eq!((error.line, error.key.as_str()), (3, "origin.northing_m"));
+        let message = error.message;
+        assert!(message.starts_with(&format!("latitude {latitude}")), "{message}");
+        assert!(message.ends_with("is outside of UTM, expected -80 to 84"), "{message}");
+    }
     let huge = World::from_toml(&PLAIN.replace("40, 30", "4000, 30")).unwrap_err();
     assert_eq!((huge.line, huge.key.as_str()), (2, "bounds_m"));
 }

@@ -33,7 +33,7 @@ impl Origin {
         let zone = zone.ok_or_else(|| format!("origin.zone is {:?}, expected 1 to 60", table.get("zone")))?;
         let north = table.get("north").and_then(toml::Value::as_bool).unwrap_or(true);
         let place = Utm::new(zone, north, number("easting_m")?, number("northing_m")?);
-        place.map(Origin).map_err(|error| format!("origin: {error}"))
+        place.and_then(Utm::within_latitudes).map(Origin).map_err(|error| format!("origin: {error}"))
     }
 
     /// Origin at the position of a fix.
@@ -70,6 +70,7 @@ mod tests {
             ("[origin]\nzone = 18\neasting_m = 'x'\nnorthing_m = 1.0", "origin.easting_m is"),
             ("[origin]\nzone = 300\neasting_m = 1.0\nnorthing_m = 1.0", "origin.zone is"),
             ("[origin]\nzone = 61\neasting_m = 300000.0\nnorthing_m = 1.0", "origin: "),
+            ("[origin]\nzone = 18\neasting_m = 300000.0\nnorthing_m = 9.4e6", "origin: latitude 84."),
         ] {
             let error = Origin::from_toml(text).unwrap_err();
             assert!(error.contains(expected), "{text:?}: {error}");

@@ -54,6 +54,10 @@ impl Assets for ProgramAssets {
             let file = path.display().to_string();
             let text =
                 read_text(&path).map_err(|error| format!("cannot read the {kind}: {error}: {file}"))?;
+            // A parameter without a text has no file, which is not what a person means who names one.
+            if text.trim().is_empty() {
+                return Err(format!("cannot read the {kind}: expected a text, got an empty file: {file}"));
+            }
             return Ok(Asset { file, text });
         }
         let names = bundled::names(kind).join(", ");

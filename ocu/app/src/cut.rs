@@ -124,7 +124,8 @@ pub(crate) fn copy(log: &Log, from: Stamp, to: Stamp, writer: &mut LogWriter) ->
         .topics
         .iter()
         .filter(|topic| {
-            !reassembly.takes(topic.id) && is_carried(topic.schema.name(), topic.hz, topic.messages)
+            let hz = info.density_hz(&[topic.id]).unwrap_or(0.0);
+            !reassembly.takes(topic.id) && is_carried(topic.schema.name(), hz, topic.messages)
         })
         .map(|topic| topic.id)
         .collect();

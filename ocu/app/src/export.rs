@@ -8,7 +8,7 @@ use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_formula::{FieldRef, Formula, Over, Points};
 use rcs_log::{CursorOptions, Log};
-use rcs_msg::{Stamp, Value};
+use rcs_msg::{Segment, Stamp, Value};
 use rcs_runtime::source::{FieldSeries, exact_points, read_fields};
 use std::io::Write;
 use std::ops::RangeInclusive;
@@ -87,10 +87,12 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         rcs_formula::csv(&named, &times, info.start).into_bytes()
     };
     output::write(&args.output, &bytes, args.force)?;
-    for (name, points) in &columns {
+    for ((name, points), formula) in columns.iter().zip(&formulas) {
         // The cell of a value that is not a number is empty.
         let values = points.values.iter().filter(|value| !value.is_nan()).count();
-        writeln!(out, "{name}: {} values", format::count(values as u64))?;
+        let is_element = formula.as_field().is_some_and(has_index);
+        let why = if values == 0 && is_element { "; no message has a value at this index" } else { "" };
+        writeln!(out, "{name}: {} values{why}", format::count(values as u64))?;
     }
     let problem = |series: &FieldSeries| Some(format!("{}: {}", series.field, series.problem.as_deref()?));
     let mut problems: Vec<String> = all().filter_map(problem).collect();
@@ -118,6 +120,11 @@ fn fields_of(formulas: &[&Formula]) -> Vec<FieldRef> {
 /// Whether a field is a topic without a field of it.
 fn is_whole(field: &FieldRef) -> bool {
     field.path.segments().is_empty()
+}
+
+/// Whether a field is an element of a list, or is in one.
+fn has_index(field: &FieldRef) -> bool {
+    field.path.segments().iter().any(|segment| matches!(segment, Segment::Index(_)))
 }
 
 /// What is said of a topic without a field: the fields of its first message.

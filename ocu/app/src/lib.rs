@@ -116,7 +116,9 @@ impl Output<'_> {
     fn note<T>(&mut self, result: std::io::Result<T>) -> std::io::Result<T> {
         let broken = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
         self.closed |= result.as_ref().is_err_and(broken);
-        result
+        // The text of the system does not say what could not be written.
+        let told = |error: std::io::Error| format!("cannot write to standard output: {error}");
+        result.map_err(|error| std::io::Error::new(error.kind(), told(error)))
     }
 }
 

@@ -62,8 +62,8 @@ impl Files {
         parts::of(path).unwrap_or_default().iter().for_each(|part| self.reads(what, part));
     }
 
-    /// Adds a file that the flag `flag` writes. Refuses a file in use, a path that is not a regular file, and an
-    /// existing file unless it may be replaced.
+    /// Adds a file that the flag `flag` writes. Refuses a file in use, a path that is not a regular file, a link that
+    /// leads to no file (it may be an output of this command later), and an existing file unless it may be replaced.
     pub(crate) fn writes(&mut self, flag: &str, path: &Path) -> anyhow::Result<()> {
         let refused = |text: &str| Err(usage(format!("{flag}: {text}: {}", path.display())));
         let Some(identity) = Identity::of(path) else {
@@ -71,6 +71,9 @@ impl Files {
         };
         if let Some((_, what)) = self.used.iter().find(|(used, _)| *used == identity) {
             return refused(&format!("the file is {what}; expected another one to write to"));
+        }
+        if path.is_symlink() && !path.exists() {
+            return refused("expected a file or a new name, got a link that leads to no file");
         }
         if let Ok(metadata) = path.metadata() {
             if !metadata.is_file() {
@@ -181,6 +184,20 @@ mod tests {
         assert!(refused(true, ToOwned::to_owned).unwrap().contains("a folder"));
         assert!(refused(true, |_| "/dev/null".into()).unwrap().contains("a device"));
         assert!(refused(true, |dir| dir.join("no/new")).unwrap().contains("a folder that is there"));
+    }
+
+    #[test]
+    fn a_link_that_leads_to_no_file_is_refused_because_the_file_may_be_another_output() {
+        for force in [false, true] {
+            for target in ["rec.mcap", "link", "no/new"] {
+                let link = |dir: &Path| {
+                    std::os::unix::fs::symlink(target, dir.join("link")).unwrap();
+                    dir.join("link")
+                };
+                let text = refused(force, link).expect("it is refused");
+                assert!(text.contains("a link that leads to no file"), "{target}: {text}");
+            }
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! of these texts is a file of its own kind and version, such as a map of `map_memory`.
 
 use crate::assets::{ProgramAssets, read_text};
+use crate::usage;
 use anyhow::Context as _;
 use rcs_msg::params::{ParamSpec, specs};
 use rcs_msg::{Schema, from_json_as};
@@ -136,24 +137,33 @@ impl Remembered {
     /// The parameters of a stack that hold it, as overrides whose values are the names of files of these [`Assets`]. An
     /// error if the stack has none of them, or does not remember.
     pub(crate) fn overrides(&self, plan: &Plan) -> anyhow::Result<Vec<(String, String)>> {
-        anyhow::ensure!(
-            self.is_empty() || plan.file.remembers(),
-            "the stack {} remembers nothing from run to run",
-            plan.file.name()
-        );
+        let stack = plan.file.name();
+        if !self.is_empty() && !plan.file.remembers() {
+            return Err(usage(format!("the stack {stack} remembers nothing from run to run")));
+        }
         let fields = |process: &rcs_runtime::ProcessPlan| {
             let names = remembered(&process.params.schema());
             names.into_iter().map(|name| format!("{}.{name}", process.name)).collect::<Vec<_>>()
         };
         let known = plan.processes.iter().flat_map(fields).filter(|name| self.texts.contains_key(name));
         let overrides: Vec<_> = known.map(|name| (name.clone(), name)).collect();
-        anyhow::ensure!(
-            !overrides.is_empty() || self.is_empty(),
-            "the stack {} has no parameter of those that an earlier run remembers: {}",
-            plan.file.name(),
-            self.names().collect::<Vec<_>>().join(", ")
-        );
+        if overrides.is_empty() && !self.is_empty() {
+            let names = self.names().collect::<Vec<_>>().join(", ");
+            return Err(usage(format!(
+                "the stack {stack} has no parameter of those that an earlier run remembers: {names}"
+            )));
+        }
         Ok(overrides)
+    }
+
+    /// A warning of what is not among these overrides, because the stack does not have these parameters; `None` where
+    /// nothing is left out.
+    pub(crate) fn left_out(&self, overrides: &[(String, String)]) -> Option<String> {
+        let is_left_out = |name: &&str| !overrides.iter().any(|(known, _)| known == name);
+        let names: Vec<&str> = self.names().filter(is_left_out).collect();
+        let names = names.join(", ");
+        let text = || format!("the stack lacks parameters that an earlier run remembers: {names}");
+        (!names.is_empty()).then(text)
     }
 }
 

@@ -60,18 +60,19 @@ pub(crate) fn text_of(spec: &str) -> anyhow::Result<(String, String)> {
 
 /// The stack named by the user, checked against the plugins, with parameters and course from the command line.
 pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) -> anyhow::Result<Arc<Plan>> {
-    checked(spec, &PlanOptions { overrides, course, assets: &ProgramAssets })
+    Ok(Arc::new(checked(spec, &PlanOptions { overrides, course, assets: &ProgramAssets })?))
 }
 
 /// The stack named by the user, checked with these options, with all that is probably a mistake in it.
-fn checked(spec: &str, options: &PlanOptions<'_>) -> anyhow::Result<Arc<Plan>> {
+fn checked(spec: &str, options: &PlanOptions<'_>) -> anyhow::Result<Plan> {
     let mut plan = Plan::with(named(spec)?, rcs_plugins::all(), options)?;
     let warnings = stack_warnings::of(&plan);
     plan.warnings.extend(warnings);
-    Ok(Arc::new(plan))
+    Ok(plan)
 }
 
-/// Like [`plan`], with what an earlier run remembers, as far as the stack has parameters for it.
+/// Like [`plan`], with what an earlier run remembers, as far as the stack has parameters for it. A warning names the
+/// rest.
 pub(crate) fn plan_with(
     spec: &str,
     course: Option<&str>,
@@ -83,8 +84,11 @@ pub(crate) fn plan_with(
     if own.is_empty() {
         return Ok(plain);
     }
+    let left_out = remembered.left_out(&own);
     let overrides: Vec<(String, String)> = overrides.iter().cloned().chain(own).collect();
-    checked(spec, &PlanOptions { overrides: &overrides, course, assets: remembered })
+    let mut plan = checked(spec, &PlanOptions { overrides: &overrides, course, assets: remembered })?;
+    plan.warnings.extend(left_out);
+    Ok(Arc::new(plan))
 }
 
 /// Opens a recording with the message codecs of all plugins: a file, or the files into which it was split, of which the

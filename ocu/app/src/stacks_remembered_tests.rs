@@ -84,6 +84,20 @@ fn what_a_run_remembers_is_a_parameter_of_the_next_one() {
 }
 
 #[test]
+fn a_warning_names_what_a_stack_has_no_parameter_for_and_a_refusal_is_wrong_usage() {
+    let texts = serde_json::json!({ "absent.map": ROUTE, "waypoint_generator.route": ROUTE });
+    let remembered = loaded(&serde_json::json!({ "format": 1, "remembered": texts }).to_string()).unwrap();
+    let warnings = plan_with("lagr", Some("hill"), &[], &remembered).unwrap().warnings.clone();
+    assert!(warnings.iter().any(|warning| warning.ends_with("remembers: absent.map")), "{warnings:?}");
+    let known = plan_with("lagr", Some("hill"), &[], &with(ROUTE)).unwrap().warnings.clone();
+    assert!(!known.iter().any(|warning| warning.contains("an earlier run remembers")), "{known:?}");
+    for stack in ["simulation", "lagr_stereo_only"] {
+        let refused = plan_with(stack, None, &[], &remembered).unwrap_err();
+        assert_eq!(crate::code_of(&refused), crate::USAGE, "{refused}");
+    }
+}
+
+#[test]
 fn a_file_of_what_one_process_remembers_is_refused_with_the_parameter_that_reads_it() {
     let check = |text: &str, expected: &str| {
         let error = crate::say(&loaded(text).unwrap_err());

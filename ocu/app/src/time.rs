@@ -1,4 +1,4 @@
-//! Formats absolute times.
+//! Formats absolute times, and converts dates.
 
 use rcs_msg::Stamp;
 
@@ -36,6 +36,22 @@ fn civil(days: u64) -> (u64, u64, u64) {
     (era * 400 + year_of_era + u64::from(month <= 2), month, day)
 }
 
+/// Number of days from 1970-01-01 to a date of the calendar; `None` for a date that is none, or earlier (Howard Hinnant's
+/// `days_from_civil`).
+pub(crate) fn days_since_1970(year: u64, month: u64, day: u64) -> Option<u64> {
+    if !(1970..10_000).contains(&year) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+        return None;
+    }
+    let year_from_march = year - u64::from(month <= 2);
+    let (era, year_of_era) = (year_from_march / 400, year_from_march % 400);
+    let month_from_march = (month + 9) % 12;
+    let day_of_year = (153 * month_from_march + 2) / 5 + day - 1;
+    let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
+    let days = (era * 146_097 + day_of_era).checked_sub(719_468)?;
+    // A month may have fewer days.
+    (civil(days) == (year, month, day)).then_some(days)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -48,5 +64,17 @@ mod tests {
         assert_eq!(at(1_700_000_000), "2023-11-14 22:13:20.000 UTC");
         assert_eq!(at(12), "00:00:12.000");
         assert_eq!(file_name_of(Stamp(1_700_000_000_000_000_000)), "20231114-221320");
+    }
+
+    #[test]
+    fn days_are_counted_from_dates_of_the_calendar_alone() {
+        for days in [0, 58, 59, 60, 11_016, 11_017, 19_000, 20_454, 100_000] {
+            let (year, month, day) = civil(days);
+            assert_eq!(days_since_1970(year, month, day), Some(days));
+        }
+        let wrong = [(2023, 2, 29), (2024, 4, 31), (2024, 13, 1), (2024, 0, 1), (1969, 12, 31)];
+        for (year, month, day) in wrong {
+            assert_eq!(days_since_1970(year, month, day), None, "{year}-{month}-{day}");
+        }
     }
 }

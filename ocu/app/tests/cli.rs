@@ -174,6 +174,40 @@ fn errors_name_the_file_and_what_was_expected() {
 }
 
 #[test]
+fn a_file_that_is_named_and_is_empty_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let empty = dir.path().join("empty.json");
+    std::fs::write(&empty, "\n").unwrap();
+    for param in ["map_memory.memory", "waypoint_generator.route", "waypoint_generator.slips"] {
+        let param = format!("{param}={}", text(&empty));
+        let (code, _, errors) = ocu(&["run", "--stack", "lagr", "--until", "0.1", "--param", &param]);
+        assert_eq!(code, 2, "{errors}");
+        assert!(errors.contains("got an empty file: ") && errors.contains("empty.json"), "{errors}");
+    }
+}
+
+#[test]
+fn the_look_of_a_course_is_read_and_not_overwritten_by_a_stack_without_cameras() {
+    let dir = tempfile::tempdir().unwrap();
+    let (look, course) = (dir.path().join("look.toml"), dir.path().join("course.toml"));
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
+    let asset = |name: &str| std::fs::read_to_string(assets.join(name)).unwrap();
+    let content = asset("looks/dry_summer.toml");
+    std::fs::write(&look, &content).unwrap();
+    std::fs::write(&course, format!("look = \"look.toml\"\n{}", asset("courses/meadow.toml"))).unwrap();
+    let save = format!("/vehicle/run={}", text(&look));
+    let refused = |part: &str| {
+        let run = ["run", "--stack", "truth_driver", "--course", text(&course), "--until", "0.1"];
+        let (code, _, errors) = ocu(&[&run[..], &["--force", "--save", &save]].concat());
+        assert!(code == 2 && errors.contains(part), "{code} {errors}");
+    };
+    refused("the file is a file that is read");
+    assert_eq!(std::fs::read_to_string(&look).unwrap(), content);
+    std::fs::remove_file(&look).unwrap();
+    refused("cannot read the look");
+}
+
+#[test]
 fn every_command_has_help_with_an_example() {
     let (code, out, _) = ocu(&["--help"]);
     assert_eq!(code, 0);

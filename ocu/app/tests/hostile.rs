@@ -375,7 +375,11 @@ fn the_hash_does_not_know_what_a_person_called_the_files() {
 #[test]
 fn a_closed_standard_output_hides_no_error() {
     let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") else { return };
-    drop(full);
+    let mut plugins = Command::new(env!("CARGO_BIN_EXE_ocu"));
+    let output = plugins.arg("plugins").stdout(full).stderr(Stdio::piped()).output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1), "{errors}");
+    assert!(errors.contains("cannot write to standard output: "), "{errors}");
     let dir = tempfile::tempdir().unwrap();
     let save = format!("/nothing={}", dir.path().join("x.json").display());
     let mut child = Command::new(env!("CARGO_BIN_EXE_ocu"))

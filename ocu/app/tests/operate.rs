@@ -215,6 +215,50 @@ fn keys_drive_nothing_while_a_text_is_typed_or_time_stands() {
 }
 
 #[test]
+fn keys_drive_and_step_nothing_while_a_menu_or_a_dialog_with_a_text_field_is_open() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    let palette = (Some(Key::K), "Find a command", "xyzzy");
+    let dialog = (Some(Key::O), "Path", " ");
+    for (key, label, refused) in [palette, dialog, (None, "Name of the layout", "recording")] {
+        match key {
+            Some(key) => harness.key_press_modifiers(egui::Modifiers::COMMAND, key),
+            None => harness.get_by_label("Layout").click(),
+        }
+        harness.run_steps(3);
+        keys_do_nothing(&mut harness, &format!("{label}, just opened"));
+        common::window::type_text(&mut harness, label, refused);
+        harness.key_press(Key::Enter);
+        harness.run_steps(3);
+        let field = harness.get_by_label(label);
+        assert!(field.accesskit_node().is_focused(), "{label}");
+        assert_eq!(field.value().as_deref(), Some(refused), "{label}");
+        keys_do_nothing(&mut harness, label);
+        harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::Period);
+        harness.run_steps(3);
+        assert!(harness.query_by_label(label).is_none(), "{label} is closed");
+    }
+    harness.key_down(Key::A);
+    wait_until(&mut harness, "a turn to the left", |frame| {
+        command(frame).is_some_and(|[_, turn]| turn > 0.0)
+    });
+}
+
+/// Holds a key that drives, presses one that steps, and looks whether they did anything.
+fn keys_do_nothing(harness: &mut Harness<'_, State>, when: &str) {
+    harness.key_down(Key::A);
+    harness.key_press(Key::Period);
+    harness.run_steps(2);
+    let from_s = frame(harness).unwrap().time_s();
+    wait_until(harness, "a while", |frame| !frame.playback.playing || frame.time_s() > from_s + 0.3);
+    let now = frame(harness).unwrap();
+    assert!(now.playback.playing, "{when}: it steps, which pauses");
+    assert_eq!(command(&now), None, "{when}");
+    harness.key_up(Key::A);
+    harness.run_steps(2);
+}
+
+#[test]
 fn a_key_that_is_still_down_when_a_text_or_a_modifier_is_left_drives_only_after_it_was_let_go() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = running(dir.path());

@@ -198,7 +198,13 @@ fn acts_that_do_not_fit_are_refused_by_number() {
         r#"[{"at_s": 0, "buffer": "/wm1/params", "message": {"publish_hz": 1e9}}]"#,
         &["act 1", "publish_hz"],
     );
+    // Also with a file that its process refuses.
+    check(
+        r#"[{"at_s": 2, "buffer": "/vehicle/params", "message": {"course": "garbage"}}]"#,
+        &["act 1: course: ", "an act takes the text of a file, not its path", "acts.json"],
+    );
     for (times, expected) in [
+        (r#""at_s": 1e300"#, "at_s is 1.0000e300; expected seconds"),
         (r#""at_s": 1, "until_s": 3"#, "until_s is given without every_s"),
         (r#""at_s": 2, "every_s": 0.1, "until_s": 1"#, "until_s is 1; expected at least at_s, which is 2"),
         (r#""at_s": 2, "every_s": 0"#, "every_s is 0; expected at least 0.001"),

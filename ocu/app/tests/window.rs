@@ -5,7 +5,7 @@
 mod common;
 
 use common::window::{
-    PATIENCE, STACK, State, drop_file, frame, harness, open, sample, stack, type_number, wait_for,
+    PATIENCE, STACK, State, drop_file, frame, harness, open, sample, stack, type_number, type_text, wait_for,
 };
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
@@ -66,6 +66,20 @@ fn the_size_of_everything_is_changed_by_commands_that_are_found_by_their_names()
     }
     let zooms_besides = harness.ctx.options(|options| options.zoom_with_keyboard);
     assert!(!zooms_besides, "only the keys of the commands zoom");
+}
+
+#[test]
+fn a_time_that_is_typed_is_gone_to() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::K);
+    harness.run_steps(3);
+    harness.get_by_label("Find a command").type_text("00:01.5");
+    harness.run_steps(3);
+    harness.key_press(Key::Enter);
+    wait_for(&mut harness, "the typed time", |harness| {
+        time_s(harness).is_some_and(|now_s| (now_s - 1.5).abs() < 1e-6)
+    });
 }
 
 #[test]
@@ -408,6 +422,92 @@ fn a_layout_is_kept_by_enter_and_deleted_in_the_menu_where_its_file_is_set_aside
     harness.run_steps(3);
     assert!(!kept.exists() && kept.with_extension("ron.old").exists());
     assert!(harness.query_by_label_contains("the layout mine is deleted").is_some());
+}
+
+#[test]
+fn the_menu_of_layouts_has_undo_and_redo_only_where_there_is_a_step_and_says_which_names_are_taken() {
+    let dir = tempfile::tempdir().unwrap();
+    let layout = Some(Layout::empty());
+    let mut harness = open(Options { request: sample(dir.path()), layout, ..Options::default() });
+    let can = |harness: &mut Harness<'_, State>| {
+        harness.get_by_label("Layout").click();
+        harness.run_steps(3);
+        let can = ["Undo the last change of the layout", "Redo the change of the layout"].map(|name| {
+            let mut entries = harness.query_all_by_label_contains(name);
+            entries.any(|entry| !entry.accesskit_node().is_disabled())
+        });
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::Period);
+        harness.run_steps(3);
+        can
+    };
+    assert_eq!(can(&mut harness), [false, false]);
+    harness.get_by_label("Buffers").click();
+    harness.run_steps(3);
+    assert_eq!(can(&mut harness), [true, false]);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    harness.run_steps(3);
+    assert_eq!(can(&mut harness), [false, true]);
+
+    harness.get_by_label("Layout").click();
+    harness.run_steps(3);
+    type_text(&mut harness, "Name of the layout", "recording");
+    let keep = harness.get_by_label("Keep as");
+    assert!(keep.accesskit_node().is_disabled());
+    let at = keep.rect().center();
+    harness.hover_at(at);
+    wait_for(&mut harness, "the reason", |harness| {
+        harness.query_all_by_label_contains("recording is a layout that comes").next().is_some()
+    });
+}
+
+#[test]
+fn a_path_that_cannot_be_opened_comes_back_in_the_dialog_with_the_reason_until_it_changes() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("text.mcap"), "hello").unwrap();
+    let mut harness = opened(dir.path());
+    for (file, reason) in [
+        ("absent.mcap", "cannot open the log"),
+        ("text.mcap", "got a text that begins with"),
+        ("absent.ron", "cannot read the layout"),
+        ("absent.json", "no stack is open that could begin"),
+    ] {
+        let path = dir.path().join(file).display().to_string();
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
+        harness.run_steps(3);
+        type_text(&mut harness, "Path", &path);
+        harness.key_press(Key::Enter);
+        let is_told =
+            |harness: &Harness<'_, State>| harness.query_all_by_label_contains(reason).next().is_some();
+        wait_for(&mut harness, reason, is_told);
+        harness.run_steps(2);
+        let field = harness.get_by_label("Path");
+        assert_eq!(field.value().as_deref(), Some(path.as_str()));
+        assert!(field.accesskit_node().is_focused(), "{file}");
+        field.type_text("x");
+        harness.run_steps(3);
+        assert!(!is_told(&harness), "{file}: it was about another path");
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::Period);
+        harness.run_steps(3);
+        assert!(harness.query_by_label("Path").is_none());
+    }
+}
+
+#[test]
+fn the_search_for_buffers_ends_with_the_source_that_was_searched() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.run_steps(2);
+    type_text(&mut harness, "Search buffers", "gps");
+    let searched = |harness: &Harness<'_, State>| harness.get_by_label("Search buffers").value();
+    assert_eq!(searched(&harness).as_deref(), Some("gps"));
+    let other = dir.path().join("other.mcap");
+    std::fs::copy(dir.path().join("drive.mcap"), &other).unwrap();
+    drop_file(&mut harness, &other);
+    wait_for(&mut harness, "the other recording", |harness| {
+        frame(harness).is_some_and(|frame| frame.info.title == "other.mcap")
+    });
+    harness.run_steps(2);
+    assert_eq!(searched(&harness).unwrap_or_default(), "");
 }
 
 #[test]

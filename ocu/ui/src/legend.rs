@@ -1,25 +1,52 @@
 //! Legends and scale bars, drawn on a canvas.
 
-use crate::{format, tokens};
+use crate::{format, short_name, tokens};
 use egui::{
     Align, Color32, FontId, Galley, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder,
     Vec2,
 };
 use std::sync::Arc;
 
+/// Room of the colour of a swatch.
+const SWATCH: f32 = 14.0;
+
+/// A name in small letters, shortened to its room and told from `others`.
+fn small_name(ui: &Ui, name: &str, others: &[&str], room: f32) -> Arc<Galley> {
+    let font = egui::TextStyle::Small.resolve(ui.style());
+    short_name::galley(ui.painter(), name, others, &font, tokens(ui).text, room)
+}
+
+/// Names a widget for screen readers, and for the pointer where its text does not show the whole name.
+fn with_name(response: Response, name: &str, shown: &Galley) -> Response {
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, name));
+    if shown.text() == name { response } else { response.on_hover_text(name) }
+}
+
+/// A name above a scale of a legend, shortened where it is wider than the legend may be.
+pub fn title(ui: &mut Ui, name: &str) -> Response {
+    let galley = small_name(ui, name, &[], ui.available_width());
+    let (rect, response) = ui.allocate_exact_size(galley.size(), Sense::hover());
+    ui.painter().galley(rect.min, Arc::clone(&galley), tokens(ui).text);
+    with_name(response, name, &galley)
+}
+
 /// A colour swatch and its name, as a row of a legend.
 pub fn swatch(ui: &mut Ui, color: Color32, name: &str) -> Response {
+    swatch_among(ui, color, name, &[])
+}
+
+/// Like [`swatch`], in a legend with these names: where a name is shortened, it is still told from the others.
+pub fn swatch_among(ui: &mut Ui, color: Color32, name: &str, names: &[&str]) -> Response {
     let tokens = tokens(ui);
-    let font = egui::TextStyle::Small.resolve(ui.style());
-    let galley = ui.painter().layout_no_wrap(name.to_owned(), font, tokens.text);
+    let galley = small_name(ui, name, names, ui.available_width() - SWATCH);
     // One widget, so that a wrapping row keeps colour and name together.
-    let size = Vec2::new(14.0 + galley.size().x, galley.size().y.max(14.0));
+    let size = Vec2::new(SWATCH + galley.size().x, galley.size().y.max(14.0));
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     let square = Rect::from_center_size(rect.left_center() + Vec2::new(5.0, 0.0), Vec2::splat(10.0));
     ui.painter().rect(square, 1.0, color, Stroke::new(1.0, tokens.line), StrokeKind::Inside);
-    ui.painter().galley(rect.left_center() + Vec2::new(14.0, -galley.size().y / 2.0), galley, tokens.text);
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, name));
-    response
+    let at = rect.left_center() + Vec2::new(SWATCH, -galley.size().y / 2.0);
+    ui.painter().galley(at, Arc::clone(&galley), tokens.text);
+    with_name(response, name, &galley)
 }
 
 /// Several swatches in a wrapping row.
@@ -207,6 +234,27 @@ mod tests {
         }
         assert_eq!(round_step(f64::NAN), 1.0);
         assert_eq!(round_step(0.0), 1.0);
+    }
+
+    #[test]
+    fn the_name_of_a_swatch_ends_within_the_legend_and_is_told_from_the_others() {
+        let names = ["/test/geometry_msgs/pose_stamped", "/test/geometry_msgs/pose_with_covariance_stamped"];
+        let mut right = 0.0;
+        let output = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+            ui.set_max_width(112.0);
+            right = ui.max_rect().right();
+            for name in names {
+                swatch_among(ui, Color32::RED, name, &names);
+            }
+        });
+        let mut texts = Vec::new();
+        for clipped in &output.shapes {
+            let egui::Shape::Text(text) = &clipped.shape else { continue };
+            assert!(text.pos.x + text.galley.size().x <= right + 0.5, "{}", text.galley.text());
+            texts.push(text.galley.text().to_owned());
+        }
+        assert!(matches!(texts.as_slice(), [one, other] if one != other), "{texts:?}");
+        output.drop_without_applying_deltas();
     }
 
     #[test]

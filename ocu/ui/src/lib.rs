@@ -10,7 +10,9 @@
 //! - [`mod@format`]: numbers, times, ages and sizes as text of constant width.
 //! - [`stale`]: how an outdated value is marked.
 //! - [`bar`]: a bar that gives way where there is no room.
+//! - [`short_name`]: names that are shortened so that they can be told apart.
 //! - [`widgets`], [`legend`]: widgets shared by several views.
+//! - [`typing`]: what Enter does in a text field, and when keys belong to one.
 //!
 //! # Example
 //!
@@ -27,8 +29,10 @@ pub mod bar;
 pub mod format;
 pub mod legend;
 pub mod palette;
+pub mod short_name;
 pub mod stale;
 mod theme;
+pub mod typing;
 pub mod widgets;
 
 /// Icons, by name.

@@ -46,9 +46,9 @@ pub struct Tokens {
     pub unknown: Color32,
     /// Outdated values.
     pub stale: Color32,
-    /// Colours of tracks and curves, distinguishable by colour-blind people (in the order of Okabe and Ito, adapted to
-    /// the background).
-    pub series: [Color32; 8],
+    /// Colours of tracks and curves, distinguishable by colour-blind people: eight in the order of Okabe and Ito,
+    /// adapted to the background, and four that differ from these.
+    pub series: [Color32; 12],
 }
 
 const fn rgb(hex: u32) -> Color32 {
@@ -81,6 +81,10 @@ const DARK: Tokens = Tokens {
         rgb(0xf0_7b4a),
         rgb(0x7f_a3ff),
         rgb(0xb8_c4ca),
+        rgb(0xa4_5cf0),
+        rgb(0xd1_3b7f),
+        rgb(0xa9_622e),
+        rgb(0x5a_6fb0),
     ],
 };
 
@@ -110,6 +114,10 @@ const LIGHT: Tokens = Tokens {
         rgb(0xcc_4a10),
         rgb(0x4b_5fd0),
         rgb(0x4c_585e),
+        rgb(0x6a_1fb0),
+        rgb(0x5e_1430),
+        rgb(0x3d_4a00),
+        rgb(0x1f_3a7a),
     ],
 };
 
@@ -301,6 +309,9 @@ mod tests {
                     assert!(distance > 70, "{color:?} {other:?}");
                 }
             }
+            // As many lines as the map of the stack `lagr` has.
+            let lines: Vec<Color32> = (0..10).map(|line| tokens.series(line)).collect();
+            assert!((0..10).all(|line| !lines[..line].contains(&lines[line])), "dark {}", tokens.dark);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Small widgets shared by several views. Each has a name for screen readers.
 
-use crate::{Icon, icons, tokens};
+use crate::{Icon, icons, tokens, typing};
 use egui::{
     Align2, Button, Color32, FontId, Label, Rect, RectAlign, Response, RichText, Role, Sense, TextEdit,
     TextStyle, Tooltip, Ui, Vec2, WidgetInfo,
@@ -49,14 +49,17 @@ pub fn search(ui: &mut Ui, text: &mut String, name: &str) -> Response {
         ui.spacing_mut().item_spacing.x = 4.0;
         let (glass, _) = ui.allocate_exact_size(Vec2::splat(16.0), Sense::hover());
         icon_at(ui.painter(), glass.center(), icons::ICON_SEARCH, 15.0, tokens(ui).weak);
-        let cross = if text.is_empty() { 0.0 } else { 24.0 };
+        // The cross comes one pass after the text: the field, which was painted before, leaves room for it.
+        let has_cross = !text.is_empty();
+        let cross = if has_cross { 24.0 } else { 0.0 };
         let edit = TextEdit::singleline(text).hint_text(name).desired_width(ui.available_width() - cross);
         let response = ui.add(edit);
+        typing::note(&response);
         ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
         if response.has_focus() && ui.input(|input| input.key_pressed(egui::Key::Escape)) {
             text.clear();
         }
-        if !text.is_empty() && icon_button(ui, icons::ICON_CLOSE, "Clear the search").clicked() {
+        if has_cross && icon_button(ui, icons::ICON_CLOSE, "Clear the search").clicked() {
             text.clear();
         }
         response
@@ -224,22 +227,27 @@ pub fn cell_by(
     at.width()
 }
 
-/// A table cell whose text is shortened at its beginning, because the end of a topic or type name is the most specific.
-pub fn cell_keep_end(ui: &Ui, rect: Rect, text: &str, font: FontId, color: Color32) {
-    let width_of = |text: String| ui.painter().layout_no_wrap(text, font.clone(), color).size().x;
-    let mut shown = text.to_owned();
-    let full = width_of(shown.clone());
-    if full > rect.width() && !text.is_empty() {
-        // The mean width of a character gives a first estimate; then single characters are removed until the text fits.
-        let mut keep = (text.chars().count() as f32 * rect.width() / full) as usize;
-        loop {
-            let skip = text.chars().count().saturating_sub(keep);
-            shown = std::iter::once('…').chain(text.chars().skip(skip)).collect();
-            if keep == 0 || width_of(shown.clone()) <= rect.width() {
-                break;
-            }
-            keep -= 1;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_field_keeps_its_width_when_its_cross_comes() {
+        let ctx = egui::Context::default();
+        crate::install(&ctx);
+        let mut text = String::new();
+        for events in [Vec::new(), vec![egui::Event::Text("z".to_owned())], Vec::new()] {
+            let mut width = 0.0;
+            let output = ctx.run_ui(egui::RawInput { events, ..egui::RawInput::default() }, |ui| {
+                let field = |ui: &mut Ui| {
+                    ui.set_max_width(220.0);
+                    search(ui, &mut text, "Search steps").request_focus();
+                };
+                width = ui.scope(field).response.rect.width();
+            });
+            output.drop_without_applying_deltas();
+            assert!((width - 220.0).abs() < 4.0, "{width} {text:?}");
         }
+        assert_eq!(text, "z");
     }
-    cell(ui, rect, egui::Align::Min, &shown, font, color);
 }

@@ -8,7 +8,7 @@
 use crate::series::{Shelf, Shown};
 use crate::view::{RunChoice, SavedState, View, ViewContext};
 use egui::{Align, Layout, RichText, ScrollArea, TextEdit, Ui};
-use ocu_ui::{format, icons, tokens, widgets};
+use ocu_ui::{format, icons, tokens, typing, widgets};
 use rcs_formula::{FieldRef, Formula, Over};
 use rcs_msg::{FieldPath, Stamp, rcs};
 use rcs_runtime::source::{Control, FieldPoint, Frame, Series, SourceKind};
@@ -210,11 +210,7 @@ impl Conditions {
                     .desired_width((ui.available_width() - 64.0).max(64.0));
                 let response = ui.add(edit);
                 ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("New condition"));
-                let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-                if entered {
-                    // What is typed next is another condition, and no key of the window.
-                    response.request_focus();
-                }
+                let entered = typing::entered(&response);
                 if (ui.add_enabled(parsed.is_ok(), egui::Button::new("Add")).clicked() || entered)
                     && parsed.is_ok()
                 {
@@ -340,7 +336,7 @@ impl Conditions {
         if let Some((text, color)) = note {
             ui.horizontal(|ui| {
                 ui.add_space(32.0);
-                ui.label(RichText::new(text).small().color(color));
+                ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
             });
         }
         removed

@@ -4,12 +4,12 @@
 //! the vehicle is stopped, and the results of the referee.
 
 use crate::operator::{self, DriveLimits, DriveSettings, Hand, Inputs};
-use crate::view::{View, ViewContext, rate_hz};
+use crate::view::{View, ViewContext, is_old};
 use egui::{
     Color32, CornerRadius, FontId, Rect, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
 };
 use ocu_ui::widgets::{self, mono, name_value};
-use ocu_ui::{Icon, format, icons, stale, tokens};
+use ocu_ui::{Icon, format, icons, tokens};
 use rcs_msg::foxglove::Odometry;
 use rcs_msg::rcs::{self, CourseOutcome};
 use rcs_runtime::Role::{Mission, Pose};
@@ -225,7 +225,7 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
         return;
     };
     let age_s = topic.age_s(frame.now).unwrap_or(0.0);
-    let old = stale::is_stale(age_s, rate_hz(topic));
+    let old = is_old(topic, frame.now);
     let (word, color) = match (old, status.emergency_stopped, status.stopped) {
         (true, ..) => (format!("NO STATUS FOR {}", format::age(age_s)), tokens.stale),
         (_, true, _) => ("EMERGENCY STOP".to_owned(), tokens.error),

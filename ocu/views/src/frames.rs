@@ -1,5 +1,7 @@
-//! Transform tree: every coordinate frame below its parent, with its pose there and the age of that transform.
+//! Transform tree: every coordinate frame below its parent, with its pose there and the age of that transform; then the
+//! frames that messages name and no transform does.
 
+use crate::map;
 use crate::view::{Hover, HoverPoint, View, ViewContext};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, tokens, widgets};
@@ -18,8 +20,20 @@ pub(crate) struct Frames;
 /// One frame and its place in the tree.
 struct Row<'a> {
     name: &'a str,
-    parent: Option<&'a str>,
+    place: Place<'a>,
     depth: usize,
+}
+
+/// Where a frame is.
+enum Place<'a> {
+    /// At the top of a tree.
+    Root,
+    /// Below this frame.
+    Below(&'a str),
+    /// It is no frame, but the heading of those that are not connected.
+    Heading,
+    /// No transform names it, but these topics do.
+    Loose(String),
 }
 
 impl View for Frames {
@@ -28,7 +42,9 @@ impl View for Frames {
     }
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        let rows = rows(&cx.frame.transforms);
+        let frame = cx.frame;
+        let mut rows = rows(&frame.transforms);
+        rows.extend(loose_rows(frame));
         if rows.is_empty() {
             let hint = "Transforms or odometry would fill it: open a log that has some, or run a stack.";
             return widgets::empty(ui, icons::ICON_3D_ROTATION, "No coordinate frames", hint);
@@ -54,17 +70,30 @@ fn rows(tree: &TransformTree) -> Vec<Row<'_>> {
     }
     let mut rows: Vec<Row<'_>> = Vec::new();
     let roots = children.get(&None).into_iter().flatten();
-    let mut open: Vec<Row<'_>> = roots.map(|name| Row { name, parent: None, depth: 0 }).collect();
+    let mut open: Vec<Row<'_>> = roots.map(|name| Row { name, place: Place::Root, depth: 0 }).collect();
     open.reverse();
     while let Some(row) = open.pop() {
         if rows.len() > frames.len() {
             break;
         }
         let below = children.get(&Some(row.name)).into_iter().flatten().rev();
-        open.extend(below.map(|&name| Row { name, parent: Some(row.name), depth: row.depth + 1 }));
+        open.extend(below.map(|&name| Row { name, place: Place::Below(row.name), depth: row.depth + 1 }));
         rows.push(row);
     }
     rows
+}
+
+/// The frames that messages name and no transform does, below a heading.
+fn loose_rows(frame: &Frame) -> Vec<Row<'_>> {
+    let loose = map::loose_frames(frame);
+    let heading =
+        (!loose.is_empty()).then_some(Row { name: "not connected", place: Place::Heading, depth: 0 });
+    let rows = loose.into_iter().map(|(name, topics)| Row {
+        name,
+        place: Place::Loose(topics.join(", ")),
+        depth: 1,
+    });
+    heading.into_iter().chain(rows).collect()
 }
 
 /// Widths of the columns: x y z, roll pitch yaw, age.
@@ -101,14 +130,16 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &Row<'_>, wide: bool) {
     let frame = cx.frame;
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::hover());
     let (mut name, cells) = places(rect, wide);
-    let pose = row.parent.map(|parent| pose(frame, parent, row.name));
-    let text = match &pose {
-        None => "a root: nothing lies above it".to_owned(),
-        Some(None) => "no transform at this time".to_owned(),
-        Some(Some((pose, _))) => position(pose),
+    let pose = if let Place::Below(parent) = row.place { pose(frame, parent, row.name) } else { None };
+    let text = match (&row.place, &pose) {
+        (_, Some((pose, _))) => position(pose),
+        (Place::Root, _) => "a root: nothing lies above it".to_owned(),
+        (Place::Below(_), _) => "no transform at this time".to_owned(),
+        (Place::Heading, _) => "no transform names these frames".to_owned(),
+        (Place::Loose(topics), _) => format!("named by {topics}"),
     };
     response.widget_info(|| WidgetInfo::labeled(Role::Label, true, format!("{}: {text}", row.name)));
-    if response.hovered() {
+    if response.hovered() && !matches!(row.place, Place::Heading) {
         ui.painter().rect_filled(rect, 0.0, tokens.surface[2]);
         let point = Some(HoverPoint { frame_id: row.name.to_owned(), position_m: [0.0; 3] });
         cx.selection.hovered.set(Hover { point, ..Hover::default() });
@@ -122,10 +153,13 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &Row<'_>, wide: bool) {
     widgets::cell(ui, name, Align::Min, row.name, FontId::proportional(13.0), tokens.text);
     let mono = FontId::monospace(11.5);
     if let Some(cell) = cells[0] {
-        let color = if matches!(pose, Some(Some(_))) { tokens.text } else { tokens.weak };
+        let color = if pose.is_some() { tokens.text } else { tokens.weak };
         widgets::cell(ui, cell, Align::Max, &text, mono.clone(), color);
     }
-    let Some(Some((pose, time))) = pose else { return };
+    if let Place::Loose(_) = row.place {
+        response.on_hover_text(text);
+    }
+    let Some((pose, time)) = pose else { return };
     if let Some(cell) = cells[1] {
         widgets::cell(ui, cell, Align::Max, &attitude(&pose), mono.clone(), tokens.text);
     }
@@ -169,6 +203,22 @@ mod tests {
     use super::*;
     use crate::samples;
     use std::sync::Arc;
+
+    #[test]
+    fn frames_that_no_transform_names_are_listed_with_the_topics_that_name_them() {
+        let frame = samples::full();
+        let rows = loose_rows(&frame);
+        assert!(matches!(rows[0].place, Place::Heading));
+        let loose: Vec<(&str, &str)> = rows[1..]
+            .iter()
+            .filter_map(|row| match &row.place {
+                Place::Loose(topics) => Some((row.name, topics.as_str())),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(loose, [("odom", "/odometry")]);
+        assert!(loose_rows(&samples::empty()).is_empty());
+    }
 
     #[test]
     fn the_age_of_a_transform_that_is_silent_grows_although_the_recording_has_later_ones() {

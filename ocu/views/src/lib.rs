@@ -28,6 +28,7 @@ mod camera;
 mod canvas;
 mod clip;
 mod cloud_colors;
+mod cloud_look;
 mod command;
 mod compare;
 mod conditions;
@@ -69,7 +70,7 @@ mod views;
 pub use camera::cameras;
 pub use sweep::{SweepRequest, SweepRow, SweepState};
 pub use view::{
-    Drafts, FieldKey, Hover, HoverPoint, Hovers, Preview, PreviewStage, Previews, RunChoice, SavedState,
-    Selection, TopicKey, View, ViewContext, ViewType, Wish, show,
+    Drafts, Draws, FieldKey, Hover, HoverPoint, Hovers, Preview, PreviewStage, Previews, RunChoice,
+    SavedState, Selection, ShowIn, TopicKey, View, ViewContext, ViewType, Wish, show,
 };
 pub use views::{all, view_type};

@@ -26,7 +26,7 @@ pub(crate) fn run_beside(frame: &Frame) -> Option<RunId> {
 
 /// Whether the newest message of a topic is outdated: the one rule of all views.
 pub(crate) fn is_old(topic: &Topic, now: Stamp) -> bool {
-    topic.age_s(now).is_some_and(|age_s| stale::is_stale(age_s, rate_hz(topic)))
+    topic.age_s(now).is_some_and(|age_s| stale::is_stale(age_s, topic.due_hz().unwrap_or(0.0)))
 }
 
 /// Whether the run has computed a message of the topic with this name.
@@ -130,6 +130,28 @@ impl Drafts {
     }
 }
 
+/// What a view draws of a topic, the most first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Draws {
+    /// It draws the topic.
+    Now,
+    /// It draws the topic beside the others once it is dropped on the view.
+    OnceDropped,
+    /// It cannot draw the topic, or only in place of what it draws.
+    Never,
+}
+
+/// Where a topic is to be shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShowIn {
+    /// In a view that lists the fields of what is selected.
+    Fields,
+    /// In the view that draws it, else in a new one.
+    View,
+    /// In a new view that draws it.
+    NewView,
+}
+
 /// What a view asks of the window, beyond requests to the source.
 #[derive(Clone, Debug)]
 pub enum Wish {
@@ -158,8 +180,8 @@ pub enum Wish {
     Show {
         /// The topic.
         topic: TopicKey,
-        /// Whether it is drawn in a new view; otherwise its fields are listed.
-        drawn: bool,
+        /// Where.
+        place: ShowIn,
     },
     /// Prepare a command with parameters: in the view that is open, else in a new one.
     Command {
@@ -230,6 +252,11 @@ pub trait View {
         false
     }
 
+    /// Whether it draws this topic, or would.
+    fn draws(&self, _frame: &Frame, _topic: &Topic) -> Draws {
+        Draws::Never
+    }
+
     /// Whether it shows whatever topic is selected.
     fn shows_selection(&self) -> bool {
         false
@@ -237,6 +264,11 @@ pub trait View {
 
     /// Called when an accepted topic is dropped on the view.
     fn drop_topic(&mut self, _topic: &Topic) {}
+
+    /// Called on a new view that is opened for an accepted topic.
+    fn open_for(&mut self, _frame: &Frame, topic: &Topic) {
+        self.drop_topic(topic);
+    }
 
     /// The fields whose values over time it needs; the window asks the source for those of all views.
     fn fields(&self) -> Vec<FieldRef> {

@@ -193,6 +193,9 @@ impl Process for Localization {
             _ if is_frozen => "warning: no encoders, the positions stand still and are not sent",
             (true, ..) => "warning: no encoders, the estimates stand still",
             (_, true, _) => "warning: no inertial readings, turns come from the wheels",
+            (_, _, true) if self.global.planar().is_none() => {
+                "warning: no good position fix yet, the global position is unknown"
+            }
             (_, _, true) => "warning: no good position fix, the global estimate is dead reckoning",
             _ => "estimates both positions",
         });

@@ -337,7 +337,7 @@ impl Process for WaypointGenerator {
         let may_drive = !self.is_standing && held == Held::Not && ports.children.may_drive(cx);
         let goal = self.look_for_goal(params, goal, arrived, may_drive, cx.now());
         let Some((global_from_local, at)) = self.global_from_local else {
-            return cx.exec("waits for the local frame in the global frame");
+            return cx.exec("warning: the position in the global frame is not known yet, the vehicle stands");
         };
         let local = global_from_local.inverse() * goal.extend(0.0);
         let local = DVec2::new(local.x, local.y);

@@ -54,7 +54,7 @@ impl Goal {
             let start = error.span().map_or(0, |span| span.start);
             GoalError::Toml { line: line_of(text, start), message: error.message().trim().to_owned() }
         })?;
-        let line = text.lines().position(begins_goal).map_or(1, |line| line + 1);
+        let line = line_of_key(text, "goal");
         let error = |key, message: String| GoalError::Key { line, key, message };
         let Some(table) = file.get("goal").and_then(toml::Value::as_table) else {
             return Err(error("goal", "expected a table with zone, easting and northing".to_owned()));
@@ -87,12 +87,16 @@ impl Goal {
     }
 }
 
-/// Whether the table `goal` begins in a line: `[goal]`, `goal = {` or `goal.easting =`. Other keys begin with that word,
-/// too.
-fn begins_goal(line: &str) -> bool {
+/// The line of a goal file in which a key begins, from 1; 1 if there is none.
+pub(crate) fn line_of_key(text: &str, key: &str) -> usize {
+    text.lines().position(|line| begins(line, key)).map_or(1, |line| line + 1)
+}
+
+/// Whether a key begins in a line: `[goal]`, `goal = {` or `goal.easting =`. Other keys may begin with that word, too.
+fn begins(line: &str, key: &str) -> bool {
     let line = line.trim_start();
-    let key = line.strip_prefix('[').unwrap_or(line).trim_start();
-    key.strip_prefix("goal").is_some_and(|rest| rest.trim_start().starts_with(['=', '.', ']']))
+    let rest = line.strip_prefix('[').unwrap_or(line).trim_start();
+    rest.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with(['=', '.', ']']))
 }
 
 fn line_of(text: &str, at: usize) -> usize {

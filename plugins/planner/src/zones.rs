@@ -3,6 +3,7 @@
 //! A goal file may have `area = [[easting, northing], …]` and `keep_out = [[[easting, northing], …], …]`, UTM, m, in the
 //! zone of the goal. The operator's mission may have both, too.
 
+use crate::goal::line_of_key;
 use rcs_geom::{DVec2, Utm};
 use serde::{Deserialize, Serialize};
 
@@ -152,24 +153,27 @@ impl Zones {
     }
 
     /// The zones of a goal file in the global frame with this origin, m; without an area there, the bounds of the world
-    /// file less a margin. An error says in which file.
+    /// file less a margin. An error says in which file, and the line of the goal file.
     pub fn from_toml(goal: &str, world: &str, origin: &Utm, margin_m: f64) -> Result<Zones, String> {
         let parse = |text: &str| toml::from_str::<toml::Table>(text).map_err(|error| error.to_string());
-        let in_goal = |error: String| format!("goal: {error}");
-        let file = parse(goal).map_err(in_goal)?;
+        let file = parse(goal).map_err(|error| format!("goal: {error}"))?;
+        let in_goal =
+            |key: &str, error: String| format!("goal: line {}, {key}: {error}", line_of_key(goal, key));
         let in_global = |place: DVec2| place - DVec2::new(origin.easting_m, origin.northing_m);
         let polygon = |key: &str, value: &toml::Value| {
             let polygon = corners(value).and_then(|corners| Polygon::new(corners.into_iter().map(in_global)));
-            polygon.map_err(|error| format!("{key}: {error}"))
+            polygon.map_err(|error| in_goal(key, error))
         };
-        let area = file.get("area").map(|value| polygon("area", value)).transpose().map_err(in_goal)?;
+        let area = file.get("area").map(|value| polygon("area", value)).transpose()?;
         let keep_out = match file.get("keep_out") {
             None => Vec::new(),
             Some(toml::Value::Array(zones)) if zones.len() <= MOST => {
                 let zones = zones.iter().map(|zone| polygon("keep_out", zone));
-                zones.collect::<Result<_, _>>().map_err(in_goal)?
+                zones.collect::<Result<_, _>>()?
             }
-            Some(_) => return Err(format!("goal: keep_out: expected a list of at most {MOST} polygons")),
+            Some(_) => {
+                return Err(in_goal("keep_out", format!("expected a list of at most {MOST} polygons")));
+            }
         };
         let bounds = || parse(world).and_then(|world| bounds(&world, margin_m));
         if area.is_some() {
@@ -303,14 +307,15 @@ mod tests {
         assert!(named.area.unwrap().contains(DVec2::new(2.0, 2.0)) && named.keep_out.len() == 1);
         assert_eq!(Zones::from_toml("", "", &origin, 1.0), Ok(Zones::default()));
         for (goal, expected) in [
-            ("area = 3", "goal: area: expected [["),
-            ("area = [[1, 2], [3, 4]]", "goal: area: a polygon has 2 corners"),
+            ("area = 3", "goal: line 1, area: expected [["),
+            ("area = [[1, 2], [3, 4]]", "goal: line 1, area: a polygon has 2 corners"),
             (
                 "area = [[1, 2], [nan, 4333600], [5, 6]]",
-                "goal: area: a corner of a polygon is [NaN, 4333600], expected finite",
+                "goal: line 1, area: a corner of a polygon is [NaN, 4333600], expected finite",
             ),
-            ("keep_out = [[1, 2]]", "goal: keep_out: expected [["),
-            ("keep_out = 'x'", "goal: keep_out: expected a list"),
+            ("keep_out = [[1, 2]]", "goal: line 1, keep_out: expected [["),
+            ("keep_out = 'x'", "goal: line 1, keep_out: expected a list"),
+            ("name = 'a'\n\narea = [[1, 2]]", "goal: line 3, area: a polygon has 1 corners"),
         ] {
             let error = zones(goal).unwrap_err();
             assert!(error.starts_with(expected), "{goal}: {error}");

@@ -152,6 +152,13 @@ impl Contacts {
     }
 }
 
+/// An object that the body of a vehicle overlaps at this position.
+pub(crate) fn object_at(spec: &VehicleSpec, terrain: &impl Terrain, at: DVec2, yaw_rad: f64) -> Option<u32> {
+    let (sin, cos) = libm::sincos(yaw_rad);
+    let [.., body] = boxes(spec, at, DVec2::new(cos, sin), yaw_rad, terrain.height_m(at));
+    terrain.touching(&body).first().map(|touch| touch.thing)
+}
+
 /// Bounding boxes of the whole vehicle, of the bumper, and of the body behind it.
 fn boxes(spec: &VehicleSpec, at: DVec2, ahead: DVec2, yaw_rad: f64, ground_m: f64) -> [UprightBox; 3] {
     let (body, bumper) = (&spec.body, &spec.bumper);

@@ -1,5 +1,6 @@
 //! The world as the dynamics see it, and the caches of everything derived from parameter files.
 
+use crate::contact;
 use crate::proto::SimVehicleParams;
 use crate::referee::Goal;
 use crate::spec::VehicleSpec;
@@ -177,11 +178,19 @@ impl Route {
             start_yaw_rad: params.start_heading_deg.to_radians(),
             goal: None,
         };
-        let of = if course.is_some() { "course: " } else { "" };
+        let has_course = course.is_some();
+        // Where an error in the start or the goal belongs.
+        let of = |what: &str| {
+            if has_course {
+                format!("course: line {}, ", Course::line_of(&params.course, what))
+            } else {
+                String::new()
+            }
+        };
         if let Some(course) = course {
             let place = |what: &str, place: &UtmPosition| {
                 place.in_world(origin).map_err(|WrongZone { got, expected }| {
-                    format!("course: {what} is in zone {got}, expected the world's zone {expected}")
+                    format!("{}{what} is in zone {got}, expected the world's zone {expected}", of(what))
                 })
             };
             route.start = place("start", &course.start)?;
@@ -196,7 +205,8 @@ impl Route {
         for (what, at) in [("start", Some(route.start)), ("goal", route.goal.map(|goal| goal.at))] {
             if let Some(at) = at.filter(|at| !(at.cmpge(low).all() && at.cmple(high).all())) {
                 return Err(format!(
-                    "{of}{what} is at {at} m, expected a place in the world, from {low} to {high}"
+                    "{}{what} is at {at} m, expected a place in the world, from {low} to {high}",
+                    of(what)
                 ));
             }
         }
@@ -231,6 +241,13 @@ impl Stage {
         let route = Route::new(params, course, &scenery.world.origin(), scenery.world.bounds_m())?;
         let texts = Texts::of(&[&params.world, &params.vehicle, &params.course]);
         Ok(Stage { texts, spec, scenery, route })
+    }
+
+    /// Kind of an object that the vehicle overlaps at the start.
+    pub(crate) fn object_at_start(&self) -> Option<&str> {
+        let Route { start, start_yaw_rad, .. } = self.route;
+        let thing = contact::object_at(&self.spec, &self.scenery, start, start_yaw_rad)?;
+        Some(self.scenery.kind(thing))
     }
 
     /// Whether it was built from these texts.

@@ -174,6 +174,9 @@ impl Process for SimVehicle {
         };
         let now = cx.now();
         let is_first = self.run.is_none();
+        if is_first && let Some(kind) = stage.object_at_start() {
+            cx.fault(format!("start: the vehicle stands in an object of kind {kind}, expected a free place"));
+        }
         let run = self.run.get_or_insert_with(|| Run::new(&stage, now, cx));
         let before = run.steps;
         run.catch_up(&stage, params, now, cx);

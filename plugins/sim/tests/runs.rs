@@ -28,6 +28,14 @@ fn it_drives_by_commands_and_brakes_when_they_stop_coming() {
     assert_eq!(bench.faults("vehicle").0, 0, "silence is no bad input");
 }
 
+#[test]
+fn a_start_in_an_object_is_a_fault() {
+    let world = WORLD.replace("at = [12, 15.2]", "at = [5, 10]");
+    let bench = Bench::start(STACK, &Files { world, ..Files::default() }, &quiet());
+    let told = "start: the vehicle stands in an object of kind tree, expected a free place".to_owned();
+    assert_eq!(bench.faults("vehicle"), (1, told));
+}
+
 /// Drives, sends one invalid command, and returns its fault.
 fn refused(send: impl FnOnce(&mut Bench)) -> (Bench, String) {
     let mut bench = Bench::start(STACK, &Files::default(), &quiet());
@@ -358,13 +366,14 @@ fn bad_files_are_refused_with_their_line_and_reason() {
         |files| files.course = COURSE.replace("goal_radius_m = 1.0", "goal_radius_m = -1.0"),
         "courses/yard.toml:8",
     );
+    let goal_line = line_of(COURSE, "goal = {");
     check(
         |files| files.course = COURSE.replace("easting = 500015.0", "easting = 500500.0"),
-        "courses/yard.toml:1: goal is at [500, 10] m, expected a place in the world",
+        &format!("courses/yard.toml:{goal_line}: goal is at [500, 10] m, expected a place in the world"),
     );
     check(
         |files| files.course = COURSE.replace("goal = {", "goal = { zone = 17,"),
-        "courses/yard.toml:1: goal is in zone 17, expected the world's zone 32",
+        &format!("courses/yard.toml:{goal_line}: goal is in zone 17, expected the world's zone 32"),
     );
     // A course without a vehicle, and a world that is taken for a course.
     let vehicle_line = COURSE.lines().find(|line| line.starts_with("vehicle")).unwrap();

@@ -164,7 +164,7 @@ pub(super) const WORLD_SECTIONS: [Section; 14] = [
             ("zone", "", "UTM zone."),
             ("north", "true", "Whether it is on the northern hemisphere."),
             ("easting_m", "", "UTM easting."),
-            ("northing_m", "", "UTM northing."),
+            ("northing_m", "", "UTM northing; the latitude is to be -80 to 84 degrees."),
         ]],
         besides: &[],
     },

@@ -71,7 +71,8 @@ fn pfm(mut file: impl BufRead, size: [usize; 2]) -> Result<Vec<f32>, TruthError>
     let side =
         |what: &str, word: &str| word.parse().map_err(|_| not_in_pfm(what, word, "a number of pixels"));
     check_size([side("width", &words[1])?, side("height", &words[2])?], size)?;
-    let scale: f32 = words[3].parse().map_err(|_| not_in_pfm("scale", &words[3], "a number"))?;
+    let scale = words[3].parse::<f32>().ok().filter(|scale| scale.is_finite() && *scale != 0.0);
+    let scale = scale.ok_or_else(|| not_in_pfm("scale", &words[3], "a finite number other than 0"))?;
     let mut bytes = vec![0; size[0] * size[1] * 4];
     file.read_exact(&mut bytes).map_err(|error| wrong(format!("pixels of the PFM are cut off: {error}")))?;
     let from = if scale < 0.0 { f32::from_le_bytes } else { f32::from_be_bytes };
@@ -187,7 +188,10 @@ mod tests {
             assert!(pfm(file.as_bytes(), [3, 2]).is_err(), "{file:?}");
         }
         let refused = |file: &str| pfm(file.as_bytes(), [3, 2]).unwrap_err().to_string();
-        assert_eq!(refused("Pf\n3 2\nabc\n"), "scale of the PFM is \"abc\", expected a number");
+        for scale in ["abc", "0", "-0.0", "nan", "inf"] {
+            let expected = format!("scale of the PFM is {scale:?}, expected a finite number other than 0");
+            assert_eq!(refused(&format!("Pf\n3 2\n{scale}\n")), expected);
+        }
         assert_eq!(refused("Pf\nx 2\n1\n"), "width of the PFM is \"x\", expected a number of pixels");
     }
 

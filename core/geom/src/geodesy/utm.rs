@@ -41,6 +41,11 @@ impl Utm {
         Ok(Utm { zone, north, easting_m, northing_m })
     }
 
+    /// The same position. Refuses latitudes outside of −80° to 84°, which [`Utm::new`] accepts.
+    pub fn within_latitudes(self) -> Result<Utm, GeodesyError> {
+        check_latitude(self.to_geodetic().latitude_deg).map(|()| self)
+    }
+
     /// The position in its own zone and hemisphere, with the exceptions for Norway and Svalbard.
     /// Refuses latitudes outside of −80° to 84°.
     pub fn from_geodetic(place: &Geodetic) -> Result<Utm, GeodesyError> {
@@ -53,9 +58,7 @@ impl Utm {
     /// coordinate system. Accurate to a millimetre up to about 20° from the central meridian of the zone.
     pub fn from_geodetic_in_zone(place: &Geodetic, zone: u8, north: bool) -> Result<Utm, GeodesyError> {
         let latitude_deg = place.latitude_deg;
-        if !(-80.0..=84.0).contains(&latitude_deg) {
-            return Err(GeodesyError::OutsideUtm { latitude_deg });
-        }
+        check_latitude(latitude_deg)?;
         let longitude_deg = libm::remainder(place.longitude_deg - central_meridian_deg(zone), 360.0);
         if !(1..=60).contains(&zone) || longitude_deg.abs() > 40.0 {
             return Err(GeodesyError::NotUtm { zone, easting_m: f64::NAN, northing_m: f64::NAN });
@@ -82,6 +85,11 @@ impl Utm {
         };
         Geodetic { longitude_deg: place.wrapped_longitude_deg(), ..place }
     }
+}
+
+fn check_latitude(latitude_deg: f64) -> Result<(), GeodesyError> {
+    let is_inside = (-80.0..=84.0).contains(&latitude_deg);
+    if is_inside { Ok(()) } else { Err(GeodesyError::OutsideUtm { latitude_deg }) }
 }
 
 /// The zone of a position (degrees), longitude in [−180, 180).
@@ -234,5 +242,16 @@ mod tests {
         assert!(Utm::new(0, true, 500_000.0, 0.0).is_err());
         assert!(Utm::new(61, true, 500_000.0, 0.0).is_err());
         assert!(Utm::new(31, true, f64::NAN, 0.0).is_err());
+        for (north, northing_m, is_inside) in [
+            (true, 9.3e6, true),
+            (true, 9.4e6, false),
+            (true, 0.0, true),
+            (false, 1.2e6, true),
+            (false, 1.0e6, false),
+            (false, 0.0, false),
+        ] {
+            let place = Utm::new(31, north, 500_000.0, northing_m).unwrap().within_latitudes();
+            assert_eq!(place.is_ok(), is_inside, "{north} {northing_m}: {place:?}");
+        }
     }
 }

@@ -74,9 +74,12 @@ pub struct Topic {
     pub writer: Arc<str>,
     /// Number of messages up to now (stack) or in total (log).
     pub messages: u64,
-    /// Messages per second over the last seconds before the newest message, or over the log where these have a single
-    /// one; `None` for fewer than two messages.
+    /// Messages per second over the last seconds before the newest message, or the mean of the log where these have a
+    /// single one or there is no message yet; `None` for fewer than two messages.
     pub hz: Option<f64>,
+    /// A lower rate, by which the age is judged ([`Topic::due_hz`]): of a topic of a log that is sent only at times, for
+    /// which `hz` is the mean.
+    pub seldom_hz: Option<f64>,
     /// Why its messages cannot be read; `None` if they can.
     pub undecodable: Option<Arc<str>>,
     /// Newest message at this moment.
@@ -120,6 +123,7 @@ impl Topic {
             writer: "".into(),
             messages: 0,
             hz: None,
+            seldom_hz: None,
             undecodable: None,
             latest: None,
             pending: false,
@@ -134,6 +138,11 @@ impl Topic {
     pub fn with_latest(mut self, sample: Sample) -> Self {
         self.set_latest(Some(sample));
         self
+    }
+
+    /// The rate at which messages are due: by it, the newest one is outdated or not.
+    pub fn due_hz(&self) -> Option<f64> {
+        self.seldom_hz.or(self.hz)
     }
 
     pub(crate) fn set_latest(&mut self, sample: Option<Sample>) {

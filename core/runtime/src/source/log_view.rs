@@ -81,8 +81,7 @@ impl LogView {
 
     fn of(log: &Log, wired: &BTreeMap<String, Arc<str>>, is_wanted: impl Fn(&str) -> bool) -> Self {
         let info = log.info();
-        let (mut topics, mut means_hz) = (Vec::<Topic>::new(), Vec::<f64>::new());
-        let mut channels = Vec::<Vec<TopicId>>::new();
+        let (mut topics, mut channels) = (Vec::<Topic>::new(), Vec::<Vec<TopicId>>::new());
         let (mut by_id, mut by_name) = (BTreeMap::new(), BTreeMap::<&str, Vec<usize>>::new());
         let reassembly = Reassembly::new(log);
         for topic in &info.topics {
@@ -94,18 +93,15 @@ impl LogView {
             let deltas: Vec<&LogTopic> = deltas.collect();
             let ids = iter::once(topic.id).chain(deltas.iter().map(|deltas| deltas.id));
             let messages = topic.messages + deltas.iter().map(|deltas| deltas.messages).sum::<u64>();
-            let hz = topic.hz + deltas.iter().map(|deltas| deltas.hz).sum::<f64>();
             let named = by_name.entry(&topic.name).or_default();
             let known = named.iter().copied().find(|&index| topics[index].schema.reads_like(&topic.schema));
             by_id.insert(topic.id, known.unwrap_or(topics.len()));
             if let Some(index) = known {
                 join(&mut topics[index], topic, messages);
-                means_hz[index] += hz;
                 channels[index].extend(ids);
                 continue;
             }
             named.push(topics.len());
-            means_hz.push(hz);
             channels.push(ids.collect());
             topics.push(Topic {
                 name: wired.get(&topic.name).map_or_else(|| topic.name.as_str().into(), Arc::clone),
@@ -115,6 +111,7 @@ impl LogView {
                 writer: writer_of(&topic.metadata).into(),
                 messages,
                 hz: None,
+                seldom_hz: None,
                 undecodable: topic.undecodable_because.as_deref().map(Arc::from),
                 latest: None,
                 pending: false,
@@ -132,9 +129,8 @@ impl LogView {
                 Arc::make_mut(&mut topics[index].metadata).insert(UPDATES.to_owned(), text);
             }
         }
-        let rates = topics.iter().zip(channels).zip(means_hz);
-        let rates = rates.map(|((topic, channels), mean_hz)| LogRate::new(channels, topic.messages, mean_hz));
-        let rates = rates.collect();
+        let rates = topics.iter().zip(channels);
+        let rates = rates.map(|(topic, channels)| LogRate::new(channels, topic.messages, info)).collect();
         let ids = |is_read: fn(&str) -> bool| -> Vec<TopicId> {
             let is_read = |topic: &&LogTopic| rcs_msg::canonical_name(&topic.schema).is_some_and(is_read);
             let shown = info.topics.iter().filter(|topic| by_id.contains_key(&topic.id));
@@ -228,7 +224,7 @@ impl LogView {
         let newest: Vec<Option<Stamp>> = self.topics.iter().map(newest).collect();
         rates::measure(&mut self.rates, &newest, &self.log, time)?;
         for (topic, rate) in self.topics.iter_mut().zip(&self.rates) {
-            topic.hz = rate.hz();
+            (topic.hz, topic.seldom_hz) = (rate.hz(), rate.seldom_hz());
         }
         Ok(())
     }

@@ -5,7 +5,7 @@
 use crate::history::{RunId, RunSummary};
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
-use rcs_log::{Log, LogError, TimesOf, TopicId};
+use rcs_log::{Log, LogError, LogInfo, TimesOf, TopicId};
 use rcs_msg::Stamp;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -125,22 +125,34 @@ pub(crate) struct LogRate {
     channels: Vec<TopicId>,
     /// Number of messages in all of them.
     messages: u64,
-    /// Mean over the log without its gaps; `None` for fewer than two messages.
+    /// [`LogInfo::mean_hz`] and [`LogInfo::density_hz`].
     mean_hz: Option<f64>,
+    density_hz: Option<f64>,
     /// Times of the last messages that were shown, oldest first: those from `known_since` on, at most [`MOST`].
     times: VecDeque<Stamp>,
     known_since: Stamp,
     /// The rate at the viewed time.
     hz: Option<f64>,
+    /// A lower one, by which the age is judged.
+    seldom_hz: Option<f64>,
     /// Time of the newest message for which it was measured; `None` if more messages may follow at that time.
     measured: Option<Stamp>,
 }
 
 impl LogRate {
-    pub(crate) fn new(channels: Vec<TopicId>, messages: u64, mean_hz: f64) -> Self {
-        let mean_hz = (messages > 1 && mean_hz > 0.0).then_some(mean_hz);
-        let (times, hz) = (VecDeque::new(), mean_hz);
-        Self { channels, messages, mean_hz, times, known_since: Stamp(0), hz, measured: None }
+    pub(crate) fn new(channels: Vec<TopicId>, messages: u64, info: &LogInfo) -> Self {
+        let mean_hz = info.mean_hz(&channels);
+        Self {
+            mean_hz,
+            density_hz: info.density_hz(&channels),
+            channels,
+            messages,
+            times: VecDeque::new(),
+            known_since: Stamp(0),
+            hz: mean_hz,
+            seldom_hz: None,
+            measured: None,
+        }
     }
 
     /// After a jump, the messages from `time` on follow.
@@ -160,6 +172,11 @@ impl LogRate {
     /// The rate at the viewed time; see [`measure`].
     pub(crate) fn hz(&self) -> Option<f64> {
         self.hz
+    }
+
+    /// The rate by which the age is judged, where it is not [`LogRate::hz`].
+    pub(crate) fn seldom_hz(&self) -> Option<f64> {
+        self.seldom_hz
     }
 
     /// The messages whose times give the rate where the newest one is at `newest`; `None` if the rate is known: a single
@@ -186,11 +203,10 @@ impl LogRate {
     fn settle(&mut self, newest: Stamp, since: Stamp, viewed: Stamp) {
         let last = self.times.iter().rev().take_while(|time| **time >= since).map(|time| time.0);
         let is_all = last.clone().count() as u64 == self.messages;
-        let mut hz = rate_hz(last);
-        if is_all || hz.is_none() {
-            hz = hz.into_iter().chain(self.mean_hz).reduce(f64::min);
-        }
-        self.hz = hz;
+        let hz = rate_hz(last);
+        let is_mean = is_all || hz.is_none();
+        self.hz = hz.or(self.mean_hz);
+        self.seldom_hz = self.density_hz.filter(|density_hz| is_mean && hz.is_none_or(|hz| *density_hz < hz));
         // More messages may follow at the viewed time.
         self.measured = (newest < viewed).then_some(newest);
     }
@@ -198,8 +214,9 @@ impl LogRate {
 
 /// Measures the rate of each topic at the `viewed` time, when its message at the time in `newest` is the newest one. It
 /// follows from the log alone, not from what was shown before. The mean over the log stands for it where the last seconds
-/// before that message have no other one. Where they have all messages that there are, it is the lower of both: what was
-/// sent at the start alone does not become old.
+/// before that message have no other one. There, and where they have all messages that there are, the age is judged by
+/// the number of messages over the duration of the log, if that is lower: what was sent at the start alone does not
+/// become old.
 ///
 /// What several topics need is read once.
 pub(crate) fn measure(
@@ -213,7 +230,7 @@ pub(crate) fn measure(
         match newest {
             Some(newest) if rate.wanted(*newest).is_some() => open.push((rate, *newest)),
             Some(_) => {}
-            None => (rate.hz, rate.measured) = (rate.mean_hz, None),
+            None => (rate.hz, rate.seldom_hz, rate.measured) = (rate.mean_hz, None, None),
         }
     }
     let wanted: Vec<TimesOf<'_>> = open.iter().filter_map(|(rate, newest)| rate.wanted(*newest)).collect();
@@ -253,7 +270,17 @@ mod tests {
 
     #[test]
     fn of_a_log_no_times_are_looked_up_of_a_topic_with_a_single_message() {
-        let [single, several] = [1, 2].map(|messages| LogRate::new(vec![TopicId(1)], messages, 0.0));
+        let [single, several] = [1, 2].map(|messages| LogRate {
+            channels: vec![TopicId(1)],
+            messages,
+            mean_hz: None,
+            density_hz: None,
+            times: VecDeque::new(),
+            known_since: Stamp(0),
+            hz: None,
+            seldom_hz: None,
+            measured: None,
+        });
         assert!(single.wanted(Stamp(5)).is_none());
         let wanted = several.wanted(Stamp(5)).map(|of| (of.topics, of.since, of.before));
         assert_eq!(wanted, Some((&[TopicId(1)][..], Stamp(0), Stamp(6))));

@@ -29,6 +29,7 @@ impl Plan {
         plugins.iter().for_each(ProcessType::register);
         let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
+        params.read_rest_of_course(plugins)?;
         let hash = hash_of(&file, &processes);
         let ParamReader { files, warnings, .. } = params;
         Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns, warnings })

@@ -9,6 +9,7 @@ use crate::process::ProcessType;
 use prost_reflect::{DynamicMessage, MessageDescriptor, ReflectMessage};
 use rcs_msg::params::{self, ParamKind, ParamSpec};
 use rcs_msg::{AnyMessage, FieldPath, Value, rcs};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -243,6 +244,16 @@ impl<'a> ParamReader<'a> {
             })?;
         }
         Ok(())
+    }
+
+    /// Reads the files that the course names and no process of this stack takes, so that one that is missing is refused
+    /// on every stack, and the source of the files knows all that are in use.
+    pub(super) fn read_rest_of_course(&self, plugins: &[ProcessType]) -> Result<(), StackError> {
+        let Some(course) = &self.course else { return Ok(()) };
+        let descriptors = plugins.iter().filter_map(|kind| kind.params_schema().descriptor());
+        let files = descriptors.flat_map(|descriptor| file_fields(&params::specs(descriptor), ""));
+        let kinds: BTreeSet<String> = files.map(|file| file.kind).collect();
+        kinds.iter().try_for_each(|kind| course.asset(kind, self.options.assets).map(|_| ()))
     }
 
     /// Warns of a file of the stack in whose place that of the course counts, unless the command line gives a third one.

@@ -175,8 +175,8 @@ pub struct EvalClassifyArgs {
                         the search of the process `planner`. A step costs 1, a diagonal one the square root of 2 and \
                         only where both cells beside it are free. Cells . G S are free, @ O T W blocked. \
                         cost_ratio_max is the greatest ratio of a length to the optimal one of the file; null where \
-                        nothing was solved. Times are of one search on one thread, with the copy of the map, without \
-                        reading the files.")]
+                        nothing was solved. A scenario whose path is longer than about 10 million cells is refused. \
+                        Times are of one search on one thread, with the copy of the map, without reading the files.")]
 pub struct EvalPlanArgs {
     /// Map: a .map file of MovingAI
     #[arg(long, value_name = "M")]

@@ -24,7 +24,8 @@ use std::sync::Arc;
                         were sent during it, are in force with --replay only, and a warning names their processes.\n\n\
                         --acts gives what an operator does, as a JSON list: [{\"at_s\": 1, \"buffer\": \
                         \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}]. \
-                        Without until_s, it is repeated to the end of the run.\n\n\
+                        Without until_s, it is repeated to the end of the run. A parameter that holds a file takes the \
+                        text of the file here, and its path with --param.\n\n\
                         --fault makes something go wrong, and the run shows what comes of it: --fault wm1:frozen@10..12, \
                         --fault /localization/local:dropped=0.3@5, --fault faults.toml with entries [[fault]] of \
                         process or buffer, kind, from_s, to_s, delay_ms, every, probability, seed, field.\n\n\

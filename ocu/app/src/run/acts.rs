@@ -1,8 +1,8 @@
 //! Actions of an operator in a run without a window, read from a file.
 //!
 //! The file is a JSON list: `[{"at_s": 1.5, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}, "every_s":
-//! 0.05, "until_s": 3}]`. Messages are in protobuf's JSON. A parameter message contains only the fields to change. Without
-//! `until_s`, an action is repeated to the end of the run.
+//! 0.05, "until_s": 3}]`. Messages are in protobuf's JSON. A parameter message contains only the fields to change; a
+//! field that holds a file takes the text of the file. Without `until_s`, an action is repeated to the end of the run.
 
 use crate::assets::read_text;
 use crate::runs::{self, Stop};
@@ -17,7 +17,7 @@ use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use rcs_runtime::{ExternalEvent, Plan, ProcessPlan, RunOptions, Stepped};
 use serde::Deserialize;
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -198,7 +198,8 @@ pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
     for (number, entry) in entries.into_iter().enumerate() {
         let refused = |text: String| format!("act {}: {text}", number + 1);
         let seconds = |value: f64, what: &str| {
-            let expected = || refused(format!("{what} is {value}; expected seconds from 0 to {LATEST_S:e}"));
+            let got = format::number(value);
+            let expected = || refused(format!("{what} is {got}; expected seconds from 0 to {LATEST_S:e}"));
             seconds_ns(value).ok_or_else(expected)
         };
         let (message, fields) = message(&entry, plan).map_err(refused)?;
@@ -208,13 +209,12 @@ pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
             (None, None) => None,
             (None, Some(_)) => return Err(refused("until_s is given without every_s".to_owned())),
             (Some(every_s), _) if every_s < SHORTEST_S => {
-                return Err(refused(format!("every_s is {every_s}; expected at least {SHORTEST_S}")));
+                let got = format::number(every_s);
+                return Err(refused(format!("every_s is {got}; expected at least {SHORTEST_S}")));
             }
             (_, Some(until_s)) if until_s < entry.at_s => {
-                let at_s = entry.at_s;
-                return Err(refused(format!(
-                    "until_s is {until_s}; expected at least at_s, which is {at_s}"
-                )));
+                let (got, at_s) = (format::number(until_s), format::number(entry.at_s));
+                return Err(refused(format!("until_s is {got}; expected at least at_s, which is {at_s}")));
             }
             (Some(every_s), until_s) => Some(Repetition {
                 every_ns: seconds(every_s, "every_s")?,
@@ -223,8 +223,42 @@ pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
         };
         acts.push(Act { at_ns, repeated, event, fields });
     }
+    check_params(&acts, plan)?;
     acts.sort_by_key(|act| act.at_ns);
     Ok(acts)
+}
+
+/// The process whose parameters are in a buffer.
+fn process_of<'p>(plan: &'p Plan, buffer: &str) -> Option<&'p ProcessPlan> {
+    plan.processes.iter().find(|process| plan.buffers[process.params_buffer].spec.name == *buffer)
+}
+
+/// Refuses parameters that their process refuses, such as the text of a file, each with what the acts before it in time
+/// have changed.
+fn check_params(acts: &[Act], plan: &Plan) -> Result<(), String> {
+    let mut order: Vec<usize> = (0..acts.len()).collect();
+    order.sort_by_key(|&index| acts[index].at_ns);
+    let mut newest: BTreeMap<&str, AnyMessage> = BTreeMap::new();
+    for index in order {
+        let Act { event, fields, .. } = &acts[index];
+        let Some(process) = process_of(plan, &event.buffer) else { continue };
+        let refused = |text: String| format!("act {}: {text}", index + 1);
+        // A message without fields is that of the stack.
+        let before = newest.get(&*event.buffer).filter(|_| !fields.is_empty()).unwrap_or(&process.params);
+        let message = with_fields(before, fields).map_err(refused)?;
+        let checked = process.kind.check(&message, &plan.files);
+        checked.map_err(|text| refused(format!("{text}{}", hint(process, fields))))?;
+        newest.insert(&event.buffer, message);
+    }
+    Ok(())
+}
+
+/// What an error says in addition where the act changes a parameter that holds a file: `--param` takes a path.
+fn hint(process: &ProcessPlan, fields: &[(String, String)]) -> &'static str {
+    let descriptor = process.kind.params_schema().descriptor();
+    let spec_of = |field: &str| params::find(descriptor?, field).ok();
+    let is_file = |(field, _): &(String, String)| spec_of(field).is_some_and(|spec| spec.file.is_some());
+    if fields.iter().any(is_file) { "; an act takes the text of a file, not its path" } else { "" }
 }
 
 /// The message of an entry, and the fields that it changes if it is of parameters.
@@ -232,8 +266,7 @@ fn message(entry: &Entry, plan: &Plan) -> Result<(AnyMessage, Vec<(String, Strin
     let name = &entry.buffer;
     let buffer = plan.buffers.iter().find(|buffer| buffer.spec.name == *name);
     let buffer = buffer.ok_or_else(|| format!("there is no buffer {name} in the stack"))?;
-    let is_params = |process: &&ProcessPlan| plan.buffers[process.params_buffer].spec.name == *name;
-    match plan.processes.iter().find(is_params) {
+    match process_of(plan, name) {
         Some(process) => {
             let fields = fields(&entry.message)?;
             Ok((with_fields(&process.params, &fields)?, fields))

@@ -16,6 +16,7 @@ use crate::layout_fit::{fitting, with_images_of};
 use crate::open::{FileKind, Request};
 use crate::remembered::Remembered;
 use crate::say;
+use anyhow::Context as _;
 use egui::{ViewportCommand, gui_zoom};
 use rcs_runtime::source::{Control, Frame, SourceKind};
 use std::path::Path;
@@ -64,7 +65,7 @@ impl Window {
             FileKind::Remembered => self.open_remembered(path, controls),
             FileKind::Layout => match Layout::load(path) {
                 Ok(layout) => self.choose(&layout),
-                Err(error) => self.notices.error(Matter::Layout, say(&error)),
+                Err(error) => self.not_opened(Matter::Layout, path, say(&error)),
             },
             FileKind::Stack | FileKind::Recording => {
                 self.open_asking(Request::dropped(path, &self.current), controls);
@@ -72,33 +73,39 @@ impl Window {
         }
     }
 
-    /// Starts the stack again with what an earlier run remembers, a file.
-    fn open_remembered(&mut self, path: &Path, controls: &mut Vec<Control>) {
-        let load = |window: &mut Self| match Remembered::load(path) {
-            Ok(remembered) => Some(remembered),
-            Err(error) => {
-                window.notices.error(Matter::Open, say(&error));
-                None
-            }
-        };
-        if let Some(request) = self.remembering(self.current.seed, load) {
-            self.open_asking(request, controls);
+    /// Says why a file cannot be opened: in the dialog, if its path was chosen there.
+    fn not_opened(&mut self, matter: Matter, path: &Path, reason: String) {
+        if let Some(reason) = self.opener.ask_again(path, reason) {
+            self.notices.error(matter, reason);
         }
     }
 
-    /// The request for the open stack with this seed, which begins with what `find` finds; says so where no stack is open.
-    fn remembering(
-        &mut self,
-        seed: Option<u64>,
-        find: impl FnOnce(&mut Self) -> Option<Remembered>,
-    ) -> Option<Request> {
-        if self.current.stack.is_none() {
-            let text = "no stack is open that could begin with what a run remembers; expected one";
-            self.notices.error(Matter::Open, text);
-            return None;
+    /// Starts the stack again with what an earlier run remembers, a file.
+    fn open_remembered(&mut self, path: &Path, controls: &mut Vec<Control>) {
+        match self.takes_remembered().and_then(|()| Remembered::load(path)) {
+            Ok(remembered) => {
+                let request = self.current.remembering(remembered, self.current.seed);
+                self.open_asking(request, controls);
+            }
+            Err(error) => self.not_opened(Matter::Open, path, say(&error)),
         }
-        let remembered = find(self)?;
-        Some(self.current.remembering(remembered, seed))
+    }
+
+    /// Starts the open stack again, with another seed and with what this run remembers.
+    fn begin_next_run(&mut self, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        if let Err(error) = self.takes_remembered() {
+            return self.notices.error(Matter::Open, say(&error));
+        }
+        if let Some(remembered) = self.remembered(frame) {
+            let seed = frame.map(|frame| seed_of(&self.current, frame).wrapping_add(1));
+            self.open_asking(self.current.remembering(remembered, seed), controls);
+        }
+    }
+
+    /// Refuses where no stack is open.
+    fn takes_remembered(&self) -> anyhow::Result<()> {
+        let text = "no stack is open that could begin with what a run remembers; expected one";
+        self.current.stack.as_ref().map(|_| ()).context(text)
     }
 
     /// What this run and those before it remember; says so if that is nothing, or not known yet.
@@ -158,12 +165,7 @@ impl Window {
             Command::Keys => self.key_list.toggle(),
             Command::Palette => self.palette.toggle(),
             Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
-            Command::NextRun => {
-                let seed = frame.map(|frame| seed_of(&self.current, frame).wrapping_add(1));
-                if let Some(next) = self.remembering(seed, |window| window.remembered(frame)) {
-                    self.open_asking(next, controls);
-                }
-            }
+            Command::NextRun => self.begin_next_run(frame, controls),
             Command::SaveRemembered => {
                 let saved = self.remembered(frame).map(|remembered| remembered.to_text());
                 match saved {
@@ -321,7 +323,7 @@ impl Window {
             && let Some(missing) = request.missing()
         {
             let text = format!("there is no such file: {}", missing.display());
-            return self.notices.error(Matter::Open, text);
+            return self.not_opened(Matter::Open, missing, text);
         }
         match lost {
             Some(lost) => self.leaving.ask(Next::open(request, &self.current), lost),
@@ -433,10 +435,12 @@ impl Window {
 
     /// Goes to a step of the history, if there is one, and keeps it for the next start: it is no new step.
     fn go_to_step(&mut self, step: Option<Layout>) {
-        if let Some(layout) = step {
-            self.arrange(&layout);
-            self.layout_store.keep(&layout);
+        let Some(layout) = step else { return };
+        self.show_arrangement(&layout);
+        if let Some(workspace) = &self.workspace {
+            self.document.arrive(workspace.layout(self.buffers_open));
         }
+        self.layout_store.keep(&layout);
     }
 
     /// Goes to an arrangement; views that are in both stay.

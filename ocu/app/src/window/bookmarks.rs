@@ -6,7 +6,7 @@ use crate::layout::write_whole;
 use crate::say;
 use egui::{Rect, Role, Stroke, Ui, WidgetInfo};
 use ocu_ui::bar::{self, Form};
-use ocu_ui::{format, icons, tokens, widgets};
+use ocu_ui::{format, icons, tokens, typing, widgets};
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Control, Frame};
 use serde::{Deserialize, Serialize};
@@ -151,6 +151,7 @@ impl Bookmarks {
                     let edit =
                         egui::TextEdit::singleline(&mut mark.text).hint_text("a note").desired_width(160.0);
                     let edit = ui.add(edit);
+                    typing::note(&edit);
                     edit.widget_info(|| WidgetInfo::labeled(Role::TextInput, true, format!("Note at {at}")));
                     changed |= edit.lost_focus();
                     let name = format!("Remove the bookmark at {at}");

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 
-/// Most paths that are offered.
-const MOST: usize = 8;
+/// Most paths that are listed.
+pub(super) const MOST_LISTED: usize = 8;
 /// Most entries of a folder that are looked at.
 const MOST_READ: usize = 20_000;
 /// Endings of files that can be opened.
@@ -17,6 +17,7 @@ const BOOKMARKS: &str = ".marks.json";
 pub(super) struct Completion {
     asked: Option<String>,
     pending: Option<Receiver<Vec<String>>>,
+    /// Sorted.
     found: Vec<String>,
 }
 
@@ -42,12 +43,9 @@ impl Completion {
 
     /// The longest text that everything that is offered begins with.
     pub(super) fn common(&self) -> Option<String> {
-        let (first, others) = self.found.split_first()?;
-        let mut length = first.len();
-        for other in others {
-            let same = first.bytes().zip(other.bytes()).take_while(|(a, b)| a == b).count();
-            length = length.min(same);
-        }
+        // They are sorted: all begin with what the first and the last of them begin with.
+        let (first, last) = (self.found.first()?, self.found.last()?);
+        let mut length = first.bytes().zip(last.bytes()).take_while(|(a, b)| a == b).count();
         while !first.is_char_boundary(length) {
             length -= 1;
         }
@@ -89,7 +87,6 @@ fn matches(text: &str) -> Vec<String> {
         })
         .collect();
     found.sort_unstable();
-    found.truncate(MOST);
     found
 }
 

@@ -3,7 +3,7 @@
 use crate::output::{self, Files};
 use crate::say;
 use egui::{Button, Id, Key, RichText, TextEdit, Ui};
-use ocu_ui::tokens;
+use ocu_ui::{tokens, typing};
 use std::path::{Path, PathBuf};
 
 /// Paints a dialog in the middle of the window; `false` once the user has closed it.
@@ -74,13 +74,8 @@ impl PathRow {
             let label = ui.label("File");
             let edit =
                 ui.add(TextEdit::singleline(&mut self.text).desired_width(360.0)).labelled_by(label.id);
-            // Said before the keyboard is taken back.
-            let entered = edit.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
-            // An open dialog keeps the keyboard: what is typed beside it would be commands, and would even drive.
-            let is_free = ui.memory(|memory| memory.focused().is_none());
-            if std::mem::take(&mut self.is_fresh) || is_free {
-                edit.request_focus();
-            }
+            let entered = typing::entered(&edit);
+            typing::keep_keyboard(&edit, std::mem::take(&mut self.is_fresh));
             let path = PathBuf::from(self.text.trim());
             let replaces = purpose == Purpose::Save && path.exists();
             let verb = match purpose {

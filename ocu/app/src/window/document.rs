@@ -70,6 +70,20 @@ impl Document {
         }
     }
 
+    pub(super) fn can_undo(&self) -> bool {
+        !self.past.is_empty()
+    }
+
+    pub(super) fn can_redo(&self) -> bool {
+        !self.future.is_empty()
+    }
+
+    /// Takes over what the window shows after it has gone to a step. That may differ by the rounding of shares, and is
+    /// no step of its own.
+    pub(super) fn arrive(&mut self, shown: Layout) {
+        self.now = Some(shown);
+    }
+
     /// The arrangement before the last step.
     pub(super) fn undo(&mut self) -> Option<Layout> {
         let before = self.past.pop()?;
@@ -143,9 +157,11 @@ mod tests {
         assert!(!document.record(&states[0]), "the first is no step");
         assert!(document.record(&states[1]) && document.record(&states[2]));
         assert!(!document.record(&states[2]));
+        assert!(document.can_undo() && !document.can_redo());
         assert_eq!(document.undo().as_ref(), Some(&states[1]));
         assert_eq!(document.undo().as_ref(), Some(&states[0]));
         assert_eq!(document.undo(), None);
+        assert!(!document.can_undo() && document.can_redo());
         assert_eq!(document.redo().as_ref(), Some(&states[1]));
         assert!(document.record(&states[3]));
         assert_eq!(document.redo(), None);

@@ -3,13 +3,14 @@
 //! One rule says what a key means where several things could use it:
 //! - Escape stops the vehicle where there is one that can be stopped, and then does nothing else; elsewhere it closes
 //!   menus and dialogs and leaves fields.
-//! - While a text is typed, only keys that cannot be typed act.
+//! - While a text is typed, or a menu or a dialog with a text field is open, only keys that cannot be typed act.
 //! - A widget with the keyboard focus keeps the keys that operate it (space, enter, tab, arrows, home, end).
 
 use super::commands::{COMMANDS, Command, Entry};
 use super::shortcut::Shortcut;
 use crate::layout::write_whole;
 use egui::{Event, Key};
+use ocu_ui::typing;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
@@ -134,7 +135,7 @@ impl Keymap {
     /// The commands of the keys that were pressed in this pass; their events are consumed. `stops` says whether there
     /// is a vehicle that Escape stops.
     pub(super) fn pressed(&self, ctx: &egui::Context, stops: bool) -> Vec<Command> {
-        let types = ctx.text_edit_focused();
+        let types = typing::takes_keys(ctx);
         let has_focus = ctx.memory(|memory| memory.focused().is_some());
         let mut commands = Vec::new();
         ctx.input_mut(|input| {

@@ -37,6 +37,11 @@ impl LoadParam {
             loaded = path.ui(ui, Purpose::Load, true, |path| {
                 let text = crate::assets::read_text(path);
                 let text = text.map_err(|error| anyhow::anyhow!("{error}: {}", path.display()))?;
+                anyhow::ensure!(
+                    !text.trim().is_empty(),
+                    "expected a text, got an empty file: {}",
+                    path.display()
+                );
                 params(frame, process, field, &text)
             });
         });

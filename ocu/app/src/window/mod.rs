@@ -47,6 +47,7 @@ mod top_state;
 mod top_tags;
 mod transport;
 mod tree;
+mod typed_time;
 
 pub use app::run;
 pub use body::{Options, Window};

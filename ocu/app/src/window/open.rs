@@ -1,11 +1,11 @@
 //! Opens sources in the background, and asks the user which one.
 
-use super::complete::{Completion, expanded};
+use super::complete::{Completion, MOST_LISTED, expanded};
 use super::dialog::closing_hint;
 use crate::layout::write_whole;
 use crate::open::Request;
 use crate::say;
-use ocu_ui::{icons, tokens, widgets};
+use ocu_ui::{icons, tokens, typing, widgets};
 use rcs_msg::guard::guarded;
 use rcs_runtime::source::Source;
 use std::path::{Path, PathBuf};
@@ -37,10 +37,15 @@ pub(super) struct Opener {
     recent: Recent,
     /// The dialog, while it is open.
     dialog: Option<Dialog>,
+    /// The path that was last chosen in the dialog, and its text there, until a source opens.
+    tried: Option<(PathBuf, String)>,
 }
 
+#[derive(Default)]
 struct Dialog {
     path: String,
+    /// Why the path could not be opened.
+    failed: Option<String>,
     hint: Option<&'static str>,
     fresh: bool,
     completion: Completion,
@@ -49,7 +54,7 @@ struct Dialog {
 impl Opener {
     pub(super) fn new(ctx: &egui::Context, data_dir: Option<&Path>) -> Self {
         let recent = Recent::load(data_dir.map(|dir| dir.join("recent.txt")));
-        Self { ctx: ctx.clone(), pending: None, browsing: None, recent, dialog: None }
+        Self { ctx: ctx.clone(), pending: None, browsing: None, recent, dialog: None, tried: None }
     }
 
     /// Starts to open a source; a previous request is dropped.
@@ -86,20 +91,40 @@ impl Opener {
             return None;
         }
         let (request, _) = self.pending.take()?;
-        Some(match result {
+        match result {
             Ok(Ok(source)) => {
+                self.tried = None;
                 self.recent.add(&request);
-                Outcome::Opened(request, source)
+                Some(Outcome::Opened(request, source))
             }
-            Ok(Err(error)) => Outcome::Failed(say(&error)),
-            Err(_) => Outcome::Failed(format!("opening stopped unexpectedly: {}", request.title())),
-        })
+            Ok(Err(error)) => self.failed(&request, say(&error)),
+            Err(_) => self.failed(&request, format!("opening stopped unexpectedly: {}", request.title())),
+        }
+    }
+
+    /// The outcome of a request that failed; `None` if the dialog says it.
+    fn failed(&mut self, request: &Request, reason: String) -> Option<Outcome> {
+        let stack = request.stack.as_deref().map(Path::new);
+        let mut asked = request.files().map(PathBuf::as_path).chain(stack);
+        let tried = self.tried.as_ref().map(|(path, _)| path.clone());
+        match tried.filter(|tried| asked.any(|path| path == tried)) {
+            Some(path) => self.ask_again(&path, reason).map(Outcome::Failed),
+            None => Some(Outcome::Failed(reason)),
+        }
     }
 
     /// Opens the dialog.
     pub(super) fn ask(&mut self) {
-        self.dialog =
-            Some(Dialog { path: String::new(), hint: None, fresh: true, completion: Completion::default() });
+        self.dialog = Some(Dialog { fresh: true, ..Dialog::default() });
+    }
+
+    /// Opens the dialog again, with the path that was chosen in it and the reason why that cannot be opened. Returns the
+    /// reason if the path was not chosen there, or if the dialog already asks for another one.
+    pub(super) fn ask_again(&mut self, path: &Path, reason: String) -> Option<String> {
+        let tried = self.tried.take_if(|(tried, _)| tried.as_path() == path);
+        let Some((_, text)) = tried.filter(|_| self.dialog.is_none()) else { return Some(reason) };
+        self.dialog = Some(Dialog { path: text, failed: Some(reason), fresh: true, ..Dialog::default() });
+        None
     }
 
     /// Requests for the recently opened recordings, the newest first.
@@ -112,10 +137,11 @@ impl Opener {
     pub(super) fn ui(&mut self, ui: &egui::Ui) -> Option<Picked> {
         if let Some(chosen) = self.poll_browser() {
             self.dialog = None;
+            self.tried = Some((chosen.clone(), chosen.display().to_string()));
             return Some(Picked::Path(chosen));
         }
         let dialog = self.dialog.as_mut()?;
-        let (mut chosen, mut open, mut browse) = (None, true, false);
+        let (mut typed, mut recording, mut open, mut browse) = (None, None, true, false);
         egui::Window::new("Open a recording, a stack, a layout or what a run remembers")
             .collapsible(false)
             .resizable(false)
@@ -123,60 +149,15 @@ impl Opener {
             .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
             .open(&mut open)
             .show(ui.ctx(), |ui| {
-                ui.horizontal(|ui| {
-                    let label = ui.label("Path");
-                    let id = ui.scope_id().with("path");
-                    let tab = |input: &mut egui::InputState| {
-                        input.consume_key(egui::Modifiers::NONE, egui::Key::Tab)
-                    };
-                    let completes = ui.memory(|memory| memory.has_focus(id)) && ui.input_mut(tab);
-                    let common = completes.then(|| dialog.completion.common()).flatten();
-                    let longer = common.filter(|common| common.len() > dialog.path.len());
-                    let is_longer = longer.is_some();
-                    dialog.path = longer.unwrap_or_else(|| std::mem::take(&mut dialog.path));
-                    let edit = egui::TextEdit::singleline(&mut dialog.path).desired_width(380.0);
-                    // Tab completes the path; it leaves the field for the next widget where nothing completes it.
-                    let edit = edit.id(id).lock_focus(dialog.completion.common().is_some());
-                    let response = ui.add(edit).labelled_by(label.id);
-                    if is_longer {
-                        widgets::cursor_to_end(ui.ctx(), id, &dialog.path);
-                    }
-                    if std::mem::take(&mut dialog.fresh) {
-                        response.request_focus();
-                    }
-                    let entered =
-                        response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-                    let ready = !dialog.path.trim().is_empty();
-                    if (ui.add_enabled(ready, egui::Button::new("Open")).clicked() || entered) && ready {
-                        chosen = Some(Picked::Path(expanded(dialog.path.trim())));
-                    }
-                });
+                typed = dialog.path_ui(ui);
                 ui.horizontal(|ui| {
                     browse = ui.button(format!("{}  Browse…", icons::ICON_FOLDER_OPEN.codepoint)).clicked();
                     if let Some(hint) = dialog.hint {
                         ui.label(egui::RichText::new(hint).color(tokens(ui).warning));
                     }
                 });
-                let typed = dialog.path.clone();
-                for path in dialog.completion.of(ui.ctx(), &typed).to_vec() {
-                    if typed.is_empty() || path == typed {
-                        continue;
-                    }
-                    let weak = tokens(ui).weak;
-                    let icon = if path.ends_with('/') { icons::ICON_FOLDER } else { icons::ICON_DRAFT };
-                    let text = (icon.rich_text().color(weak), egui::RichText::new(&path));
-                    // What is offered changes as the folder is read.
-                    let button = egui::Button::new(text).truncate().frame(false);
-                    let button = widgets::named(ui, &path, |ui| ui.add(button));
-                    button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &path));
-                    if button.clicked() {
-                        if path.ends_with('/') {
-                            dialog.path = path;
-                            dialog.fresh = true;
-                        } else {
-                            chosen = Some(Picked::Path(expanded(&path)));
-                        }
-                    }
+                if let Some(offered) = dialog.offers_ui(ui) {
+                    typed = Some(offered);
                 }
                 if !self.recent.recordings.is_empty() {
                     ui.add_space(4.0);
@@ -185,7 +166,7 @@ impl Opener {
                 for recent in &self.recent.recordings {
                     let name = ("recent", &recent.log, &recent.parts);
                     if widgets::named(ui, name, |ui| recent_button(ui, recent).clicked()) {
-                        chosen = Some(Picked::Recent(recent.clone()));
+                        recording = Some(recent.clone());
                     }
                 }
                 closing_hint(ui);
@@ -194,10 +175,18 @@ impl Opener {
             self.browse();
         }
         let escaped = ui.input(|input| input.key_pressed(egui::Key::Escape));
+        let chosen = recording.map(Picked::Recent).or_else(|| typed.map(|text| self.tries(text)));
         if chosen.is_some() || !open || escaped {
             self.dialog = None;
         }
         chosen
+    }
+
+    /// A path that was chosen in the dialog, as it is typed there.
+    fn tries(&mut self, text: String) -> Picked {
+        let path = expanded(&text);
+        self.tried = Some((path.clone(), text));
+        Picked::Path(path)
     }
 
     /// Opens the system's file dialog on a thread of its own, because it blocks.
@@ -230,6 +219,76 @@ impl Opener {
             && took < SEEN
         {
             dialog.hint = Some("This desktop has no file dialog; type a path.");
+        }
+        chosen
+    }
+}
+
+impl Dialog {
+    /// Paints the path, the button that opens it, and why that failed. Returns the path that is to be opened.
+    fn path_ui(&mut self, ui: &mut egui::Ui) -> Option<String> {
+        let mut chosen = None;
+        ui.horizontal(|ui| {
+            let label = ui.label("Path");
+            let id = ui.scope_id().with("path");
+            let tab = |input: &mut egui::InputState| input.consume_key(egui::Modifiers::NONE, egui::Key::Tab);
+            let completes = ui.memory(|memory| memory.has_focus(id)) && ui.input_mut(tab);
+            let common = completes.then(|| self.completion.common()).flatten();
+            let longer = common.filter(|common| common.len() > self.path.len());
+            let is_longer = longer.is_some();
+            self.path = longer.unwrap_or_else(|| std::mem::take(&mut self.path));
+            let edit = egui::TextEdit::singleline(&mut self.path).desired_width(380.0);
+            // Tab completes the path; it leaves the field for the next widget where nothing completes it.
+            let edit = edit.id(id).lock_focus(self.completion.common().is_some());
+            let response = ui.add(edit).labelled_by(label.id);
+            if is_longer {
+                widgets::cursor_to_end(ui.ctx(), id, &self.path);
+            }
+            if is_longer || response.changed() {
+                self.failed = None;
+            }
+            let entered = typing::entered(&response);
+            typing::keep_keyboard(&response, std::mem::take(&mut self.fresh));
+            let path = self.path.trim();
+            let ready = !path.is_empty();
+            if (ui.add_enabled(ready, egui::Button::new("Open")).clicked() || entered) && ready {
+                chosen = Some(path.to_owned());
+            }
+        });
+        if let Some(failed) = &self.failed {
+            ui.add(egui::Label::new(egui::RichText::new(failed).color(tokens(ui).error)).wrap());
+        }
+        chosen
+    }
+
+    /// Paints what the path can be completed to. Returns the path of a file that was clicked.
+    fn offers_ui(&mut self, ui: &mut egui::Ui) -> Option<String> {
+        let typed = self.path.clone();
+        let offered = self.completion.of(ui.ctx(), &typed);
+        if typed.is_empty() {
+            return None;
+        }
+        let mut chosen = None;
+        for path in offered.iter().take(MOST_LISTED).filter(|path| **path != typed) {
+            let weak = tokens(ui).weak;
+            let icon = if path.ends_with('/') { icons::ICON_FOLDER } else { icons::ICON_DRAFT };
+            let text = (icon.rich_text().color(weak), egui::RichText::new(path));
+            // What is offered changes as the folder is read.
+            let button = egui::Button::new(text).truncate().frame(false);
+            let button = widgets::named(ui, path, |ui| ui.add(button));
+            button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, path));
+            if button.clicked() {
+                if path.ends_with('/') {
+                    self.path.clone_from(path);
+                    (self.fresh, self.failed) = (true, None);
+                } else {
+                    chosen = Some(path.clone());
+                }
+            }
+        }
+        let more = offered.len().saturating_sub(MOST_LISTED);
+        if more > 0 {
+            ui.label(egui::RichText::new(format!("and {more} more")).small().color(tokens(ui).weak));
         }
         chosen
     }
@@ -391,6 +450,32 @@ mod tests {
             });
             assert_eq!(title.as_deref(), expected, "{then:?}");
         }
+    }
+
+    #[test]
+    fn a_long_list_of_offers_says_how_many_more_there_are() {
+        let dir = tempfile::tempdir().unwrap();
+        for index in 0..MOST_LISTED + 12 {
+            std::fs::write(dir.path().join(format!("drive_{index:02}.mcap")), "").unwrap();
+        }
+        let opener = RefCell::new(Opener::new(&egui::Context::default(), None));
+        opener.borrow_mut().ask();
+        if let Some(dialog) = &mut opener.borrow_mut().dialog {
+            dialog.path = format!("{}/dri", dir.path().display());
+        }
+        let mut harness = Harness::builder()
+            .with_size(egui::Vec2::new(800.0, 600.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(|ui| drop(opener.borrow_mut().ui(ui)));
+        let began = Instant::now();
+        while harness.query_by_label("and 12 more").is_none() {
+            assert!(began.elapsed() < Duration::from_mins(1), "nothing is offered");
+            harness.step();
+            thread::yield_now();
+        }
+        assert_eq!(harness.query_all_by_label_contains("drive_").count(), MOST_LISTED);
+        let common = opener.borrow().dialog.as_ref().and_then(|dialog| dialog.completion.common());
+        assert_eq!(common, Some(format!("{}/drive_", dir.path().display())));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::joystick::Joystick;
 use egui::Key;
-use ocu_ui::stale;
+use ocu_ui::{stale, typing};
 use ocu_views::Selection;
 use ocu_views::operator::{self, DriveLimits, Hand, Inputs};
 use rcs_msg::{Stamp, rcs};
@@ -292,7 +292,7 @@ fn is_silent(frame: &Frame, topic: &Topic) -> bool {
 
 /// Whether the newest message is older than its rate allows.
 pub(super) fn is_overdue(topic: &Topic, now: Stamp) -> bool {
-    let limit_s = topic.hz.and_then(stale::limit_s).unwrap_or(stale::LEAST_S);
+    let limit_s = topic.due_hz().and_then(stale::limit_s).unwrap_or(stale::LEAST_S);
     topic.age_s(now).is_some_and(|age_s| age_s > limit_s)
 }
 
@@ -303,9 +303,9 @@ fn send(frame: &Frame, active: bool, controls: &mut Vec<Control>) {
     }
 }
 
-/// Whether keys are typed, as a text or as a command.
+/// Whether keys are typed, as a text or as a command, or would be in an open menu or dialog.
 fn types(ui: &egui::Ui) -> bool {
-    ui.ctx().text_edit_focused() || ui.input(|input| input.modifiers.command || input.modifiers.alt)
+    typing::takes_keys(ui.ctx()) || ui.input(|input| input.modifiers.command || input.modifiers.alt)
 }
 
 /// The deflection from held keys. Arrow keys never drive: they step.

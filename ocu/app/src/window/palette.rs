@@ -1,18 +1,24 @@
-//! The palette, in which a command, a view or a layout is found by its name, and the list of keys, in which they can be
-//! changed.
+//! The palette, in which a command, a view or a layout is found by its name, and a moment by its time; and the list of
+//! keys, in which they can be changed.
 
 use super::commands::{COMMANDS, Command, Entry, Group, HELD, Needs};
 use super::dialog::closing_hint;
 use super::keymap::Keymap;
 use super::shortcut::Shortcut;
+use super::typed_time;
+use crate::time::date_and_time;
 use egui::{Align2, Event, Key, RichText, ScrollArea, TextEdit, Vec2};
-use ocu_ui::{tokens, widgets};
+use ocu_ui::{tokens, typing, widgets};
 use ocu_views::ViewType;
+use rcs_msg::Stamp;
+use rcs_runtime::source::{SourceInfo, SourceKind};
 
 /// Height of the list of the palette, where there is enough to list.
 const PALETTE_HEIGHT: f32 = 320.0;
 /// Height that the list of keys leaves to its title, its footer and the rest of the window.
 const BESIDE_KEYS: f32 = 136.0;
+/// Least size of a key in the list of keys.
+const KEY: Vec2 = Vec2::new(96.0, 18.0);
 
 /// What can be chosen in the palette.
 #[derive(Clone)]
@@ -20,7 +26,11 @@ pub(super) enum Choice {
     Command(Command),
     View(&'static ViewType),
     Layout(String),
+    Time(Stamp),
 }
+
+/// What the palette lists: a name, a text at its right, and what is chosen.
+type Line = (String, String, Choice);
 
 /// The palette, while it is open.
 #[derive(Debug, Default)]
@@ -41,20 +51,11 @@ impl Palette {
         self.open
     }
 
-    /// Paints the palette; returns what was chosen. `can` says whether what a command needs is there.
-    pub(super) fn ui(
-        &mut self,
-        ctx: &egui::Context,
-        keymap: &Keymap,
-        layouts: &[String],
-        can: impl Fn(Needs) -> bool,
-    ) -> Option<Choice> {
-        if !self.open {
-            return None;
-        }
+    /// What has the typed name.
+    fn named(&self, keymap: &Keymap, layouts: &[String], can: impl Fn(Needs) -> bool) -> Vec<Line> {
         let wanted = self.text.to_lowercase();
         let fits = |name: &str| wanted.split_whitespace().all(|word| name.to_lowercase().contains(word));
-        let mut lines: Vec<(String, String, Choice)> = Vec::new();
+        let mut lines: Vec<Line> = Vec::new();
         for entry in COMMANDS.iter().filter(|entry| can(entry.needs) && entry.command != Command::Palette) {
             lines.push((entry.name.to_owned(), keymap.text(entry.command), Choice::Command(entry.command)));
         }
@@ -65,6 +66,24 @@ impl Palette {
             lines.push((format!("Layout: {name}"), String::new(), Choice::Layout(name.clone())));
         }
         lines.retain(|(name, ..)| fits(name));
+        lines
+    }
+
+    /// Paints the palette; returns what was chosen. `source` is what is open and its last moment; `can` says whether what
+    /// a command needs is there.
+    pub(super) fn ui(
+        &mut self,
+        ctx: &egui::Context,
+        keymap: &Keymap,
+        layouts: &[String],
+        source: Option<(&SourceInfo, Stamp)>,
+        can: impl Fn(Needs) -> bool,
+    ) -> Option<Choice> {
+        if !self.open {
+            return None;
+        }
+        let (mut lines, outside) = source.map(|source| timed(&self.text, source)).unwrap_or_default();
+        lines.extend(self.named(keymap, layouts, can));
         self.marked = self.marked.min(lines.len().saturating_sub(1));
         let mut chosen = None;
         // The click that opens the palette is beside it.
@@ -83,15 +102,13 @@ impl Palette {
                     });
                     let last = lines.len().saturating_sub(1);
                     self.marked = self.marked.saturating_add_signed(moved).min(last);
-                    let entered = ui.input(|input| input.key_pressed(Key::Enter));
                     let edit = TextEdit::singleline(&mut self.text)
-                        .hint_text("Find a command, a view or a layout")
+                        .hint_text("Find a command, a view or a layout, or type a time")
                         .desired_width(f32::INFINITY);
                     let response = ui.add(edit);
                     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Find a command"));
-                    if std::mem::take(&mut self.fresh) {
-                        response.request_focus();
-                    }
+                    let entered = typing::entered(&response);
+                    typing::keep_keyboard(&response, std::mem::take(&mut self.fresh));
                     if response.changed() {
                         self.marked = 0;
                     }
@@ -110,7 +127,9 @@ impl Palette {
                             }
                         }
                     });
-                    if lines.is_empty() {
+                    if let Some(outside) = &outside {
+                        ui.label(RichText::new(outside).color(tokens(ui).weak));
+                    } else if lines.is_empty() {
                         ui.label(RichText::new("Nothing has this name.").color(tokens(ui).weak));
                     }
                     closing_hint(ui);
@@ -123,6 +142,21 @@ impl Palette {
         }
         chosen
     }
+}
+
+/// The moments that a text means, if it is a time; if none is in the source, that is said in the second.
+fn timed(text: &str, (info, end): (&SourceInfo, Stamp)) -> (Vec<Line>, Option<String>) {
+    let Some(moments) = typed_time::moments(text, info, end) else { return (Vec::new(), None) };
+    let name = |at: Stamp| typed_time::since_start(at, info);
+    let outside = moments.is_empty().then(|| {
+        let source = if info.kind == SourceKind::Log { "recording" } else { "run" };
+        let gaps = if info.gaps.is_empty() { "" } else { ", without its gaps" };
+        format!("Outside of the {source}: {} to {}{gaps}", name(info.start), name(end))
+    });
+    // A clock that starts at 0 would say the same again.
+    let date = |at: Stamp| if info.start.0 > 0 { date_and_time(at) } else { String::new() };
+    let line = |at: Stamp| (format!("Go to {}", name(at)), date(at), Choice::Time(at));
+    (moments.into_iter().map(line).collect(), outside)
 }
 
 /// A line of the palette: a name, and keys at the right.
@@ -238,7 +272,7 @@ impl KeyList {
                 }
                 if group == Group::Safety {
                     for (keys, help) in HELD {
-                        ui.label(widgets::mono(*keys));
+                        ui.add_sized(KEY, egui::Label::new(widgets::mono(*keys)));
                         ui.label(*help);
                         ui.end_row();
                     }
@@ -254,8 +288,7 @@ impl KeyList {
             keys if keys.is_empty() => "–".to_owned(),
             keys => keys,
         };
-        let button = egui::Button::selectable(is_changing, widgets::mono(text.clone()))
-            .min_size(Vec2::new(96.0, 18.0));
+        let button = egui::Button::selectable(is_changing, widgets::mono(text.clone())).min_size(KEY);
         let response = ui.add_enabled(entry.command != Command::EmergencyStop, button);
         response.widget_info(|| {
             egui::WidgetInfo::labeled(egui::Role::Button, true, format!("Key of {}: {text}", entry.name))
@@ -280,7 +313,7 @@ mod tests {
         let mut harness =
             Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
                 |ui, palette: &mut Palette| {
-                    palette.ui(ui.ctx(), &Keymap::default(), &[], |_| true);
+                    palette.ui(ui.ctx(), &Keymap::default(), &[], None, |_| true);
                 },
                 Palette::default(),
             );
@@ -308,7 +341,7 @@ mod tests {
             Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
                 |ui, palette: &mut Palette| {
                     super::super::dialog::note_closing_key(ui.ctx(), "F4".to_owned());
-                    palette.ui(ui.ctx(), &Keymap::default(), &[], |_| true);
+                    palette.ui(ui.ctx(), &Keymap::default(), &[], None, |_| true);
                 },
                 Palette::default(),
             );
@@ -326,6 +359,40 @@ mod tests {
     }
 
     #[test]
+    fn a_typed_time_comes_first_and_one_outside_of_the_source_is_told() {
+        let start = Stamp(1_668_971_465_000_000_000);
+        let info = SourceInfo { start, ..SourceInfo::default() };
+        let source = || Some((&info, start.after_ns(391_250_000_000)));
+        let chosen = std::cell::Cell::new(None);
+        let mut harness =
+            Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
+                |ui, palette: &mut Palette| {
+                    if let Some(Choice::Time(at)) =
+                        palette.ui(ui.ctx(), &Keymap::default(), &[], source(), |_| true)
+                    {
+                        chosen.set(Some(at));
+                    }
+                },
+                Palette::default(),
+            );
+        harness.state_mut().toggle();
+        harness.run_steps(4);
+        harness.get_by_label("Find a command").type_text("999.5");
+        harness.run_steps(4);
+        assert!(harness.query_by_label("Outside of the recording: 00:00.000 to 06:31.250").is_some());
+        harness.state_mut().toggle();
+        harness.run_steps(4);
+        harness.state_mut().toggle();
+        harness.run_steps(4);
+        harness.get_by_label("Find a command").type_text("195.5");
+        harness.run_steps(4);
+        assert!(harness.query_by_label("Go to 03:15.500").is_some());
+        harness.key_press(Key::Enter);
+        harness.run_steps(2);
+        assert_eq!(chosen.get(), Some(start.after_ns(195_500_000_000)));
+    }
+
+    #[test]
     fn the_list_of_keys_fits_into_a_small_window_and_says_how_it_is_closed() {
         let mut harness =
             Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
@@ -339,5 +406,10 @@ mod tests {
         assert!(screen.contains_rect(footer), "{footer}");
         let first = harness.get_by_label(Group::ALL[0].name()).rect();
         assert!(screen.contains_rect(first), "{first}");
+        let key = harness.get_by_label_contains("Key of Silence the alarms").rect().center().x;
+        for (held, _) in HELD {
+            let middle = harness.get_by_label(held).rect().center().x;
+            assert!((middle - key).abs() < 1.0, "{held}: {middle} {key}");
+        }
     }
 }

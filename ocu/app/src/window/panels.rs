@@ -30,6 +30,7 @@ impl Window {
             buffers_open: self.buffers_open,
             layout_name,
             layouts: &self.layout_store,
+            document: &self.document,
             keymap: &self.keymap,
             stop: frame.map(|frame| self.operating.stop_state(frame)).unwrap_or_default(),
             pushed: self.operating.is_pushed(),
@@ -54,6 +55,9 @@ impl Window {
             let Self { timeline, selection, marks, .. } = self;
             timeline.ui(ui, frame, selection, busy, marks, controls);
         });
+        if self.timeline.take_clock_click() {
+            self.palette.toggle();
+        }
         let mut wishes = Vec::new();
         let mut cx = ViewContext { frame, controls, selection: &mut self.selection, wishes: &mut wishes };
         if let Some(buffers) = self.buffers.as_mut().filter(|_| self.buffers_open) {
@@ -99,9 +103,9 @@ impl Window {
                 Wish::LoadParam { process, field } => {
                     self.dialogs.load_param = Some(LoadParam::new(process, field));
                 }
-                Wish::Show { topic, drawn } => {
+                Wish::Show { topic, place } => {
                     let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
-                    workspace.show_topic(frame, &topic, drawn);
+                    workspace.show_topic(frame, &topic, place);
                     ui.ctx().request_repaint();
                 }
                 Wish::Command { process, command } => {
@@ -167,10 +171,15 @@ impl Window {
             Needs::Stack => state.is_some_and(|(kind, _)| kind != SourceKind::Log),
             Needs::Vehicle => state.is_some_and(|(_, stop)| stop != StopState::None),
         };
-        match self.palette.ui(ui.ctx(), &self.keymap, &layouts, can) {
+        let source = frame.map(|frame| {
+            let end = frame.info.end.unwrap_or_else(|| self.timeline.newest(frame));
+            (&*frame.info, end)
+        });
+        match self.palette.ui(ui.ctx(), &self.keymap, &layouts, source, can) {
             Some(Choice::Command(command)) => self.run(command, frame, controls),
             Some(Choice::View(view_type)) => self.perform(TopBarAction::AddView(view_type), frame, controls),
             Some(Choice::Layout(name)) => self.perform(TopBarAction::Layout(name), frame, controls),
+            Some(Choice::Time(at)) => controls.extend(Control::pause_at(at)),
             None => return,
         }
         self.record_layout();

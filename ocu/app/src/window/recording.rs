@@ -5,10 +5,10 @@ use super::top_state::{Actions, State, TopBarAction};
 use crate::time::file_name_of;
 use egui::{Role, Sense, Vec2, WidgetInfo};
 use ocu_ui::bar::{self, Form};
-use ocu_ui::{format, icons, tokens, widgets};
+use ocu_ui::{format, icons, tokens, typing, widgets};
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Control, Frame, RecordingEnd, RecordingState};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The recording that is being written.
@@ -51,13 +51,17 @@ pub(super) fn ui(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &Frame
             if is_fresh {
                 edit.request_focus();
             }
-            begin = edit.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            begin = typing::entered(&edit);
             let ready = !path.trim().is_empty();
             begin |= ui.add_enabled(ready, egui::Button::new("Start")).clicked();
             begin &= ready;
         });
-        let from = "From now on, with what holds at this moment. No file is overwritten.";
-        ui.label(egui::RichText::new(from).small().color(tokens(ui).weak));
+        let (text, color) = if Path::new(path.trim()).is_file() {
+            ("There is a file of this name, which is not overwritten: type another name.", tokens(ui).warning)
+        } else {
+            ("From now on, with what holds at this moment. No file is overwritten.", tokens(ui).weak)
+        };
+        ui.label(egui::RichText::new(text).small().color(color));
         if begin {
             actions.push(TopBarAction::Record(PathBuf::from(path.trim())));
             ui.data_mut(|data| data.remove::<String>(id));

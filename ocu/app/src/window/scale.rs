@@ -165,20 +165,32 @@ impl Scale {
             let [first_s, last_s] = [stretch.from, stretch.to].map(|at| at.seconds_since(self.origin));
             let first = (first_s / step_s).ceil();
             let count = ((last_s / step_s).floor() - first).clamp(-1.0, 1000.0) as i64;
+            let until = self.rect.left() + self.rect.width() * stretch.at[1] as f32;
             for index in 0..=count {
-                self.paint_tick(painter, tokens, (first + index as f64) * step_s, step_s);
+                let time_s = (first + index as f64) * step_s;
+                self.paint_tick(painter, tokens, time_s, tick_text(time_s, step_s), until);
             }
         }
     }
 
-    fn paint_tick(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, time_s: f64, step_s: f64) {
+    /// Paints a tick, and its label if it ends before `until`, where a gap begins.
+    fn paint_tick(
+        &self,
+        painter: &egui::Painter,
+        tokens: &ocu_ui::Tokens,
+        time_s: f64,
+        text: String,
+        until: f32,
+    ) {
         let x = self.x(self.origin.after_ns((time_s * 1e9) as u64));
         let bottom = self.rect.bottom();
         painter.vline(x, (bottom - 6.0)..=bottom, Stroke::new(1.0, tokens.line));
         if x + 56.0 < self.rect.right() {
-            let at = egui::pos2(x + 4.0, bottom);
-            let (text, font) = (tick_text(time_s, step_s), FontId::monospace(10.0));
-            painter.text(at, Align2::LEFT_BOTTOM, text, font, tokens.weak);
+            let galley = painter.layout_no_wrap(text, FontId::monospace(10.0), tokens.weak);
+            let label = Align2::LEFT_BOTTOM.anchor_size(egui::pos2(x + 4.0, bottom), galley.size());
+            if label.right() <= until {
+                painter.galley(label.min, galley, tokens.weak);
+            }
         }
     }
 }
@@ -225,6 +237,27 @@ mod tests {
         assert_eq!(tick_step_s(20.0, 12.0), 2.0);
         assert_eq!(tick_text(62.0, 2.0), "01:02");
         assert_eq!(tick_text(3725.5, 0.5), "1:02:05.5");
+    }
+
+    #[test]
+    fn no_label_of_a_time_reaches_into_a_gap() {
+        const SECOND: u64 = 1_000_000_000;
+        let (from, to) = (Stamp(30 * SECOND), Stamp(5030 * SECOND));
+        for width in [500.0, 620.0, 740.0, 860.0, 980.0] {
+            let rect = Rect::from_min_size(egui::pos2(0.0, 0.0), egui::vec2(width, 20.0));
+            let scale = Scale::new(rect, Stamp(0), [Stamp(0), Stamp(5060 * SECOND)], &[Gap { from, to }]);
+            let output = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+                scale.paint_ticks(ui.painter(), ocu_ui::tokens(ui));
+            });
+            let shapes = output.shapes.iter().map(|clipped| &clipped.shape);
+            let texts = shapes.filter(|shape| matches!(shape, egui::Shape::Text(_)));
+            let labels: Vec<Rect> = texts.map(egui::Shape::visual_bounding_rect).collect();
+            output.drop_without_applying_deltas();
+            let gap = [from, to].map(|at| scale.x(at));
+            assert!(labels.len() > 1, "{width}: {labels:?}");
+            let in_gap = |label: &Rect| label.left() < gap[1] && label.right() > gap[0] + 0.5;
+            assert!(!labels.iter().any(in_gap), "{width}: {labels:?}, a gap at {gap:?}");
+        }
     }
 
     #[test]

@@ -27,6 +27,9 @@ impl Window {
             // Unsent edits belong to the source before.
             *workspace = Workspace::new(&workspace.layout(self.buffers_open));
         }
+        if (&request.log, &request.stack) != (&self.current.log, &self.current.stack) {
+            self.clear_search();
+        }
         self.arrange_for(&driver.frame());
         if request.waits() {
             // By then its cameras have seen the course, and it has hardly moved.
@@ -62,6 +65,18 @@ impl Window {
         let old = std::mem::take(&mut self.selection);
         let drafts = if is_same { old.drafts.after_restart() } else { Drafts::default() };
         self.selection = Selection { drive: old.drive, drafts, ..Selection::default() };
+    }
+
+    /// Clears the search in the list of buffers: it was for the buffers of another source.
+    fn clear_search(&mut self) {
+        let Some(buffers) = &mut self.buffers else { return };
+        let mut saved = buffers.save();
+        if let Some(fields) = saved.as_object_mut() {
+            fields.remove("search");
+        }
+        if let Err(error) = buffers.load(&saved) {
+            tracing::warn!("the search in the list of buffers stays: {error}");
+        }
     }
 
     /// A thread that plays a source.

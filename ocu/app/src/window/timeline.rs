@@ -6,7 +6,7 @@ use super::density::Density;
 use super::lanes;
 use super::scale::Scale;
 use super::state_lane::{self, States};
-use super::transport::{self, Unit};
+use super::transport::{self, Unit, Wish};
 use egui::{Rect, Role, Sense, Stroke, WidgetInfo};
 use ocu_ui::{Tokens, tokens};
 use ocu_views::{Hover, Selection};
@@ -37,6 +37,8 @@ pub(super) struct Timeline {
     going_to: Option<Stamp>,
     /// What the bar shows; everything where `None`.
     range: Option<[Stamp; 2]>,
+    /// Whether the clock was clicked in this pass.
+    clock_clicked: bool,
 }
 
 impl Default for Timeline {
@@ -48,6 +50,7 @@ impl Default for Timeline {
             newest: BTreeMap::new(),
             going_to: None,
             range: None,
+            clock_clicked: false,
         }
     }
 }
@@ -93,6 +96,11 @@ impl Timeline {
         last.max(self.newest.get(&current).copied()).unwrap_or(self.furthest)
     }
 
+    /// Whether the clock was clicked since this was last asked.
+    pub(super) fn take_clock_click(&mut self) -> bool {
+        std::mem::take(&mut self.clock_clicked)
+    }
+
     /// Paints the timeline.
     pub(super) fn ui(
         &mut self,
@@ -107,8 +115,10 @@ impl Timeline {
             self.range = Some(wanted);
         }
         let zoomed = self.range.is_some();
-        if transport::ui(ui, frame, &mut self.unit, zoomed, busy, marks, controls) {
-            self.range = None;
+        match transport::ui(ui, frame, &mut self.unit, zoomed, busy, marks, controls) {
+            Some(Wish::Whole) => self.range = None,
+            Some(Wish::GoTo) => self.clock_clicked = true,
+            None => {}
         }
         self.bar(ui, frame, selection, busy, marks, controls);
     }
@@ -396,6 +406,24 @@ mod tests {
         assert!(matches!(on_it[..], [Control::Pause, Control::Seek(to)] if to == at), "{on_it:?}");
         let beside = clicked(0.6);
         assert!(matches!(beside[..], [Control::Seek(to)] if to > at), "{beside:?}");
+    }
+
+    #[test]
+    fn a_click_on_the_clock_asks_for_a_time() {
+        let info = SourceInfo { end: Some(Stamp(10_000_000_000)), ..SourceInfo::default() };
+        let frame = Frame::empty(Arc::new(info), Stamp(0));
+        let (mut timeline, mut selection) = (Timeline::default(), Selection::default());
+        let (mut marks, mut controls) = (Bookmarks::default(), Vec::new());
+        let mut harness = Harness::builder()
+            .with_size(egui::vec2(900.0, 120.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(|ui| timeline.ui(ui, &frame, &mut selection, None, &mut marks, &mut controls));
+        harness.run_steps(4);
+        harness.get_by_label("00:00:00.000").click();
+        harness.run_steps(3);
+        drop(harness);
+        assert!(timeline.take_clock_click());
+        assert!(!timeline.take_clock_click() && controls.is_empty());
     }
 
     #[test]

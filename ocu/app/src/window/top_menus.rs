@@ -5,12 +5,13 @@ use super::open::recent_button;
 use super::top_state::{Actions, State, TopBarAction};
 use crate::assets::looks_like_path;
 use crate::bundled;
+use crate::kept_layouts::is_bundled;
 use crate::layout::Layout;
 use crate::open::Request;
 use crate::stacks;
 use egui::{Role, WidgetInfo};
 use ocu_ui::bar::{self, Form};
-use ocu_ui::{icons, widgets};
+use ocu_ui::{icons, typing, widgets};
 use rcs_msg::rcs::{CourseRun, RunInfo};
 use rcs_runtime::StackFile;
 use rcs_runtime::source::Frame;
@@ -241,8 +242,8 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
         let needed = [
             (Command::FittingLayout, state.frame.is_some()),
             (Command::ResetLayout, Layout::bundled(state.layout_name).is_some()),
-            (Command::UndoLayout, true),
-            (Command::RedoLayout, true),
+            (Command::UndoLayout, state.document.can_undo()),
+            (Command::RedoLayout, state.document.can_redo()),
         ];
         for (command, can) in needed {
             let Some(entry) = entry_of(command) else { continue };
@@ -253,31 +254,45 @@ pub(super) fn layout_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, acti
             }
         }
         ui.separator();
-        let id = ui.scope_id().with("layout name");
-        let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
-        ui.horizontal(|ui| {
-            let edit =
-                egui::TextEdit::singleline(&mut name).hint_text("a name of your own").desired_width(120.0);
-            let edit = ui.add(edit);
-            let entered = edit.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-            ui.ctx().accesskit_node_builder(edit.id, |node| node.set_label("Name of the layout"));
-            let is_free = !name.trim().is_empty() && Layout::bundled(name.trim()).is_none();
-            let replaced = state.layouts.replaced_by(name.trim());
-            // As in other dialogs, Enter replaces nothing.
-            let entered = entered && is_free && replaced.is_none();
-            let text = if replaced.is_some() { "Replace" } else { "Keep as" };
-            let mut keep = ui.add_enabled(is_free, egui::Button::new(text));
-            if let Some(replaced) = replaced {
-                keep = keep.on_hover_text(format!("Replaces your layout {replaced}"));
-            }
-            if keep.clicked() || entered {
-                actions.push(TopBarAction::SaveLayout(name.trim().to_owned()));
-                name.clear();
-                ui.close();
-            }
-        });
-        ui.data_mut(|data| data.insert_temp(id, name));
+        keep_layout(ui, state, actions);
     });
+}
+
+/// The line that keeps the arrangement under a name of the user's own.
+fn keep_layout(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Actions) {
+    let id = ui.scope_id().with("layout name");
+    let mut text: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+    ui.horizontal(|ui| {
+        let edit = egui::TextEdit::singleline(&mut text).hint_text("a name of your own").desired_width(120.0);
+        let edit = ui.add(edit);
+        let entered = typing::entered(&edit);
+        ui.ctx().accesskit_node_builder(edit.id, |node| node.set_label("Name of the layout"));
+        let name = text.trim();
+        let refused = if name.is_empty() {
+            Some("Type a name first.".to_owned())
+        } else if is_bundled(name) {
+            Some(format!("{name} is a layout that comes with OCU: type another name."))
+        } else {
+            None
+        };
+        let replaced = state.layouts.replaced_by(name);
+        let verb = if replaced.is_some() { "Replace" } else { "Keep as" };
+        let mut keep = ui.add_enabled(refused.is_none(), egui::Button::new(verb));
+        if let Some(replaced) = replaced {
+            keep = keep.on_hover_text(format!("Replaces your layout {replaced}"));
+        }
+        // As in other dialogs, Enter replaces nothing.
+        let is_kept = keep.clicked() || (entered && refused.is_none() && replaced.is_none());
+        if let Some(refused) = refused {
+            keep.on_disabled_hover_text(refused);
+        }
+        if is_kept {
+            actions.push(TopBarAction::SaveLayout(name.to_owned()));
+            text.clear();
+            ui.close();
+        }
+    });
+    ui.data_mut(|data| data.insert_temp(id, text));
 }
 
 /// A layout in the menu, which a click opens.

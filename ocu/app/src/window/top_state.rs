@@ -2,6 +2,7 @@
 
 use super::alarm_sound::AlarmSound;
 use super::commands::Command;
+use super::document::Document;
 use super::keymap::Keymap;
 use super::layout_store::LayoutStore;
 use super::operate::StopState;
@@ -20,6 +21,8 @@ pub(super) struct State<'a> {
     pub(super) buffers_open: bool,
     pub(super) layout_name: &'a str,
     pub(super) layouts: &'a LayoutStore,
+    /// The arrangement with its history.
+    pub(super) document: &'a Document,
     pub(super) keymap: &'a Keymap,
     pub(super) stop: StopState,
     /// Whether a control of manual driving is deflected.

@@ -2,9 +2,9 @@
 
 use super::bookmarks::Bookmarks;
 use crate::time::date_and_time;
-use egui::{Key, PopupCloseBehavior};
+use egui::PopupCloseBehavior;
 use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
-use ocu_ui::{format, icons, tokens, widgets};
+use ocu_ui::{format, icons, tokens, typing, widgets};
 use rcs_runtime::source::{Control, Frame, Step};
 
 /// Selectable playback speeds.
@@ -50,11 +50,19 @@ struct Acts<'a> {
     unit: &'a mut Unit,
     controls: &'a mut Vec<Control>,
     marks: &'a mut Bookmarks,
-    /// Whether the whole time is to be shown again.
-    whole: bool,
+    wish: Option<Wish>,
 }
 
-/// Paints the controls; returns whether the whole time is to be shown again.
+/// What the controls ask of the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wish {
+    /// To show the whole time again.
+    Whole,
+    /// To ask for a time to go to.
+    GoTo,
+}
+
+/// Paints the controls; returns what they ask for.
 pub(super) fn ui(
     ui: &mut egui::Ui,
     frame: &Frame,
@@ -63,7 +71,7 @@ pub(super) fn ui(
     busy: Option<f64>,
     marks: &mut Bookmarks,
     controls: &mut Vec<Control>,
-) -> bool {
+) -> Option<Wish> {
     let playback = &frame.playback;
     let mut bar: Bar<'_, Acts<'_>> = Bar::new("transport");
     bar.left("back", Fit::Leaves(80), |ui, form, acts| {
@@ -99,14 +107,18 @@ pub(super) fn ui(
     });
     bar.left("speed", Fit::Leaves(40), |ui, form, acts| speed(ui, form, frame, acts.controls));
     bar.left("bookmarks", Fit::Leaves(15), |ui, form, acts| acts.marks.menu(ui, form, frame, acts.controls));
-    bar.left("clock", Fit::Stays, |ui, form, _| {
+    bar.left("clock", Fit::Stays, |ui, form, acts| {
         bar::divider(ui, form);
         if form == Form::Full {
             ui.label(egui::RichText::new("elapsed").small().color(tokens(ui).weak));
         }
         let now = widgets::mono(format::elapsed(frame.time_s()));
         let size = if form == Form::Short { 12.0 } else { 16.0 };
-        ui.label(now.size(size).color(tokens(ui).strong)).on_hover_text("Time since the start");
+        let now = egui::Label::new(now.size(size).color(tokens(ui).strong));
+        let clock = ui.add(now.selectable(false).sense(egui::Sense::click()));
+        if clock.on_hover_text("Time since the start; click to go to another one").clicked() {
+            acts.wish = Some(Wish::GoTo);
+        }
     });
     if let Some(end) = frame.info.end {
         bar.left("length", Fit::Leaves(25), move |ui, _, _| {
@@ -142,12 +154,14 @@ pub(super) fn ui(
     }
     if zoomed {
         bar.right("whole", Fit::Leaves(90), |ui, form, acts| {
-            acts.whole |= bar::tool(ui, form, icons::ICON_ZOOM_OUT_MAP, "Show the whole time").clicked();
+            if bar::tool(ui, form, icons::ICON_ZOOM_OUT_MAP, "Show the whole time").clicked() {
+                acts.wish = Some(Wish::Whole);
+            }
         });
     }
-    let mut acts = Acts { unit, controls, marks, whole: false };
+    let mut acts = Acts { unit, controls, marks, wish: None };
     bar.show(ui, 24.0, &mut acts);
-    acts.whole
+    acts.wish
 }
 
 fn speed(ui: &mut egui::Ui, form: Form, frame: &Frame, controls: &mut Vec<Control>) {
@@ -195,7 +209,7 @@ fn unit_menu(ui: &mut egui::Ui, form: Form, frame: &Frame, unit: &mut Unit) {
 fn unit_list(ui: &mut egui::Ui, frame: &Frame, unit: &mut Unit, search: &mut String, is_fresh: bool) -> bool {
     ui.set_min_width(UNITS_WIDTH);
     let field = widgets::search(ui, search, "Search steps");
-    let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+    let entered = typing::entered(&field);
     let wanted = search.trim().to_lowercase();
     let [general, topics] =
         units(frame).map(|units| units.into_iter().filter(|unit| fits(unit, &wanted)).collect::<Vec<_>>());
@@ -231,7 +245,7 @@ fn unit_list(ui: &mut egui::Ui, frame: &Frame, unit: &mut Unit, search: &mut Str
         ui.close();
         return true;
     }
-    if is_fresh || entered {
+    if is_fresh {
         field.request_focus();
     }
     false

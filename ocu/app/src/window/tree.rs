@@ -1,12 +1,14 @@
 //! The views in the middle of the window, in tiles and tabs that the user arranges.
 
+mod topics;
+
 use super::document::VIEWPORT;
 use crate::layout::{Layout, Node, VERSION};
-use egui_tiles::{Container, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
+use egui_tiles::{Container, Linear, LinearDir, SimplificationOptions, Tabs, Tile, TileId, Tiles, Tree};
 use ocu_ui::{icons, tokens, widgets};
-use ocu_views::{FieldKey, RunChoice, SavedState, TopicKey, View, ViewContext, ViewType, view_type};
+use ocu_views::{FieldKey, RunChoice, SavedState, View, ViewContext, ViewType, view_type};
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Compared, Frame};
+use rcs_runtime::source::Compared;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// One view in its tile.
@@ -56,6 +58,13 @@ impl Workspace {
         }
         self.next_id = maker.next_id;
         self.name.clone_from(&layout.name);
+        self.simplify();
+    }
+
+    /// Simplifies the tree after a change, as the next pass would do: the change is recorded before that pass, and what
+    /// is recorded must stay as it is.
+    fn simplify(&mut self) {
+        self.tree.simplify(&simplification());
     }
 
     /// The current arrangement as a layout.
@@ -132,6 +141,11 @@ impl Workspace {
 
     /// Adds a view beside the one that was used last, along its longer side; without one, at the right of all others.
     pub(super) fn add(&mut self, view_type: &'static ViewType) {
+        self.insert(view_type);
+        self.simplify();
+    }
+
+    fn insert(&mut self, view_type: &'static ViewType) {
         let beside = self.focused_tile().map(|pane| self.tree.tiles.parent_of(pane).unwrap_or(pane));
         let pane = self.pane(view_type);
         let pane = self.tree.tiles.insert_pane(pane);
@@ -175,36 +189,6 @@ impl Workspace {
                 let _replaced = grid.replace_at(at, both);
             }
             _ => self.tree.root = Some(both),
-        }
-    }
-
-    /// Shows a topic: `drawn` in a new view, or in one that lists the fields of what is selected, which comes to the
-    /// front, or opens.
-    pub(super) fn show_topic(&mut self, frame: &Frame, key: &TopicKey, drawn: bool) {
-        let draws = |view_type: &&ViewType| {
-            let view = (view_type.make)();
-            !view.shows_selection() && key.find(frame).is_some_and(|topic| view.accepts(topic))
-        };
-        if let Some(view_type) = ocu_views::all().iter().find(draws).filter(|_| drawn) {
-            self.add(view_type);
-            let added = self.focused;
-            let panes = self.tree.tiles.tiles_mut().filter_map(|tile| match tile {
-                Tile::Pane(pane) if Some(pane.id) == added => Some(pane),
-                _ => None,
-            });
-            if let Some(topic) = key.find(frame) {
-                panes.for_each(|pane| pane.view.drop_topic(topic));
-            }
-            return;
-        }
-        let follows = |tile: &Tile<Pane>| matches!(tile, Tile::Pane(pane) if pane.view.shows_selection());
-        if self.tree.active_tiles().iter().any(|id| self.tree.tiles.get(*id).is_some_and(follows)) {
-            return;
-        }
-        if !self.tree.make_active(|_, tile| follows(tile))
-            && let Some(view_type) = ocu_views::all().iter().find(|view| (view.make)().shows_selection())
-        {
-            self.add(view_type);
         }
     }
 
@@ -283,7 +267,14 @@ impl Workspace {
                 tabs.set_active(pane);
             }
         }
+        // Views may have been dragged or closed.
+        self.simplify();
     }
+}
+
+/// How the tree is simplified: every view has a tab.
+fn simplification() -> SimplificationOptions {
+    SimplificationOptions { all_panes_must_have_tabs: true, ..SimplificationOptions::default() }
 }
 
 fn replace(children: &mut [TileId], old: TileId, new: TileId) {
@@ -406,8 +397,8 @@ impl egui_tiles::Behavior<Pane> for Behavior<'_, '_> {
         response.on_hover_text("Add a view here");
     }
 
-    fn simplification_options(&self) -> egui_tiles::SimplificationOptions {
-        egui_tiles::SimplificationOptions { all_panes_must_have_tabs: true, ..Default::default() }
+    fn simplification_options(&self) -> SimplificationOptions {
+        simplification()
     }
 
     fn drag_preview_color(&self, visuals: &egui::Visuals) -> egui::Color32 {

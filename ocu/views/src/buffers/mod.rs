@@ -6,10 +6,10 @@
 
 mod rows;
 
-use crate::view::{Hover, SavedState, TopicKey, View, ViewContext, Wish, is_old, rate_hz};
+use crate::view::{Hover, SavedState, ShowIn, TopicKey, View, ViewContext, Wish, is_old, rate_hz};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, TextStyle, Ui, Vec2, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Fit};
-use ocu_ui::{format, icons, stale, tokens, widgets};
+use ocu_ui::{format, icons, short_name, stale, tokens, widgets};
 use rcs_runtime::source::{Frame, Topic};
 use rows::Row;
 use serde::{Deserialize, Serialize};
@@ -161,8 +161,15 @@ impl View for Buffers {
         self.header(ui, &columns);
         ui.spacing_mut().item_spacing.y = 0.0;
         ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, rows.len(), |ui, range| {
+            let rows = &rows[range];
+            let label = |row: &Row<'_>| match row {
+                Row::Group { title, .. } => title.clone(),
+                Row::Topic { topic, name, .. } => crate::toolbar::with_type(cx.frame, topic, name),
+            };
+            let labels: Vec<String> = rows.iter().map(label).collect();
+            let others: Vec<&str> = labels.iter().map(String::as_str).collect();
             let mut names = widgets::RowNames::default();
-            for row in &rows[range] {
+            for (row, label) in rows.iter().zip(&labels) {
                 // A row moves when another topic comes, or when its rate or age changes its place.
                 let name = match row {
                     Row::Group { key, .. } => (key.as_str(), None),
@@ -170,7 +177,9 @@ impl View for Buffers {
                 };
                 names.named(ui, name, |ui| match row {
                     Row::Group { key, title, depth, count } => self.group(ui, key, title, *depth, *count),
-                    Row::Topic { topic, name, depth } => self::row(ui, cx, topic, name, *depth, &columns),
+                    Row::Topic { topic, depth, .. } => {
+                        self::row(ui, cx, topic, (label, &others), *depth, &columns);
+                    }
                 });
             }
         });
@@ -239,11 +248,12 @@ impl Buffers {
     }
 }
 
+/// Paints a topic. `label` is its name in the list, and `others` are those of all rows that are seen.
 fn row(
     ui: &mut Ui,
     cx: &mut ViewContext<'_>,
     topic: &Topic,
-    shown_name: &str,
+    (label, others): (&str, &[&str]),
     depth: usize,
     columns: &Columns,
 ) {
@@ -252,9 +262,8 @@ fn row(
     let chosen = cx.selection.topic.as_ref().is_some_and(|selected| selected.is(topic));
     let (rect, response) =
         ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click_and_drag());
-    let label = |name: &str| crate::toolbar::with_type(cx.frame, topic, name);
-    response.widget_info(|| WidgetInfo::selected(Role::Button, true, chosen, label(&topic.name)));
-    let shown_name = label(shown_name);
+    let name = || crate::toolbar::with_type(cx.frame, topic, &topic.name);
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, chosen, name()));
     response.dnd_set_drag_payload(key.clone());
     if chosen {
         ui.painter().rect_filled(rect, 0.0, tokens.selected);
@@ -267,14 +276,14 @@ fn row(
     }
     if response.clicked() {
         cx.selection.topic = Some(key.clone());
-        cx.wishes.push(Wish::Show { topic: key.clone(), drawn: false });
+        cx.wishes.push(Wish::Show { topic: key.clone(), place: ShowIn::Fields });
     }
     if response.double_clicked() {
-        cx.wishes.push(Wish::Show { topic: key.clone(), drawn: true });
+        cx.wishes.push(Wish::Show { topic: key.clone(), place: ShowIn::View });
     }
     response.context_menu(|ui| {
         if ui.button(format!("{}  Draw in a new view", icons::ICON_ADD.codepoint)).clicked() {
-            cx.wishes.push(Wish::Show { topic: key.clone(), drawn: true });
+            cx.wishes.push(Wish::Show { topic: key.clone(), place: ShowIn::NewView });
             ui.close();
         }
         if ui.button(format!("{}  Copy the name", icons::ICON_CONTENT_COPY.codepoint)).clicked() {
@@ -292,7 +301,7 @@ fn row(
     }
     let color = if topic.latest.is_none() { tokens.weak } else { tokens.text };
     let font = TextStyle::Body.resolve(ui.style());
-    widgets::cell_keep_end(ui, name, &shown_name, font, color);
+    short_name::cell(ui.painter(), name, Align::Min, label, others, &font, color);
     let small = FontId::proportional(11.0);
     let mono = FontId::monospace(11.5);
     for (column, cell) in cells {
@@ -307,7 +316,9 @@ fn row(
             Column::Age => age_s.map_or_else(|| "–".to_owned(), format::age),
         };
         match column {
-            Column::Type => widgets::cell_keep_end(ui, cell, &text, small.clone(), tokens.weak),
+            Column::Type => {
+                short_name::cell(ui.painter(), cell, Align::Min, &text, &[], &small, tokens.weak);
+            }
             Column::Role => widgets::cell(ui, cell, Align::Min, &text, small.clone(), tokens.weak),
             Column::Age if old => {
                 stale::hatch(
@@ -342,6 +353,13 @@ fn size(topic: &Topic) -> String {
     }
 }
 
+/// The rate of a topic, and what of: where it is sent only at times, or nothing was sent yet, that of the whole recording.
+fn rate(topic: &Topic) -> String {
+    let is_mean = topic.latest.is_none() || topic.seldom_hz.is_some();
+    let of = if is_mean { "mean of the recording" } else { "of its last seconds" };
+    topic.hz.map_or_else(String::new, |hz| format!("{}, {of}", format::rate(hz)))
+}
+
 fn details(ui: &mut Ui, frame: &Frame, topic: &Topic, old: bool) {
     let tokens = tokens(ui);
     ui.label(egui::RichText::new(&*topic.name).color(tokens.strong));
@@ -359,7 +377,7 @@ fn details(ui: &mut Ui, frame: &Frame, topic: &Topic, old: bool) {
     }
     line("encoding", topic.schema.message_encoding().name().to_owned());
     line("writer", topic.writer.to_string());
-    line("rate", format::rate(rate_hz(topic)));
+    line("rate", rate(topic));
     line("messages", format::count(topic.messages));
     line("size", size(topic));
     match topic.age_s(frame.now) {
@@ -371,5 +389,22 @@ fn details(ui: &mut Ui, frame: &Frame, topic: &Topic, old: bool) {
     }
     for (key, value) in topic.metadata.iter().filter(|(_, value)| value.len() < 60) {
         line(key.trim_start_matches("rcs."), value.clone());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use rcs_msg::rcs::Status;
+
+    #[test]
+    fn a_rate_says_whether_it_is_that_of_the_last_seconds_or_a_mean() {
+        let mut topic = samples::topic("/a/status", 30.0, 0.1, Status::default());
+        assert_eq!(rate(&topic), "30 Hz, of its last seconds");
+        topic.seldom_hz = Some(0.1);
+        assert_eq!(rate(&topic), "30 Hz, mean of the recording");
+        topic.hz = None;
+        assert_eq!(rate(&topic), "");
     }
 }

@@ -13,7 +13,7 @@ mod projected;
 
 use crate::badge;
 use crate::canvas::Viewport;
-use crate::view::{Hover, HoverPoint, SavedState, TopicKey, View, ViewContext, is_old};
+use crate::view::{Draws, Hover, HoverPoint, SavedState, TopicKey, View, ViewContext, is_old};
 use egui::{Align2, Id, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use layer::{Layer, Look, Overlay};
 use ocu_ui::bar::{self, Bar, Fit, Form};
@@ -87,6 +87,11 @@ impl View for Camera {
 
     fn accepts(&self, topic: &Topic) -> bool {
         layer::is_image(topic)
+    }
+
+    fn draws(&self, frame: &Frame, topic: &Topic) -> Draws {
+        let is_shown = base(&self.saved, frame).is_some_and(|shown| TopicKey::of(topic).is(shown));
+        if is_shown { Draws::Now } else { Draws::Never }
     }
 
     fn drop_topic(&mut self, topic: &Topic) {

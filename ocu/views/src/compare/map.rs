@@ -259,7 +259,7 @@ fn paint_line(ui: &Ui, layer: &Placed<'_>, look: Viewport, canvas: Rect, color: 
             let parts = clip::line(points.iter().map(place), look, canvas);
             painter.extend(clip::dashed(&parts, Stroke::new(1.5, color), color));
         }
-        Thing::Grid(_) | Thing::Cloud(_) | Thing::Entities(_) | Thing::Poses(_) => {}
+        Thing::Grid(_) | Thing::Cloud(_) | Thing::Entities(_) | Thing::Poses(_) | Thing::Nothing => {}
     }
 }
 

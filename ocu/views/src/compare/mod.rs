@@ -25,6 +25,8 @@ const LINE: f32 = 26.0;
 const WIDE: f32 = 1000.0;
 /// Least height of the view with a map below the table.
 const TALL: f32 = 300.0;
+/// Least room in which a text of that line is begun.
+const LEAST_TEXT: f32 = 24.0;
 /// Width of the choice of a side in a narrow view.
 const SHORT_CHOICE: f32 = 68.0;
 
@@ -250,7 +252,8 @@ fn summary(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison) {
     );
     child.set_clip_rect(rect.intersect(ui.clip_rect()));
     let ui = &mut child;
-    widgets::tag(ui, word, color);
+    let tag = widgets::tag(ui, word, color);
+    let mut rest = Vec::new();
     if let Some(first) = first {
         let since = format::elapsed(first.time.seconds_since(start));
         let text = format!("since {since}");
@@ -258,12 +261,21 @@ fn summary(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison) {
         if link.clicked() {
             cx.controls.extend(Control::pause_at(first.time));
         }
-        ui.label(widgets::mono(&first.buffer).color(tokens.text));
+        rest.push(widgets::mono(&first.buffer).color(tokens.text));
     } else if let Some(until) = &until {
-        ui.label(egui::RichText::new(format!("up to {until}")).color(tokens.text));
+        rest.push(egui::RichText::new(format!("up to {until}")).color(tokens.text));
     }
-    for note in notes(cx.frame, comparison, first.is_some().then_some(until.as_deref()).flatten()) {
-        ui.add(egui::Label::new(egui::RichText::new(note).small().color(tokens.weak)).truncate());
+    let notes = notes(cx.frame, comparison, first.is_some().then_some(until.as_deref()).flatten());
+    rest.extend(notes.into_iter().map(|note| egui::RichText::new(note).small().color(tokens.weak)));
+    let all: Vec<&str> = rest.iter().map(egui::RichText::text).collect();
+    if !all.is_empty() {
+        tag.on_hover_text(all.join("\n"));
+    }
+    for text in rest {
+        if ui.available_width() < LEAST_TEXT {
+            break;
+        }
+        ui.add(egui::Label::new(text).truncate());
     }
 }
 

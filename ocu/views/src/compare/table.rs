@@ -3,7 +3,7 @@
 use super::{font, side};
 use crate::view::{FieldKey, Hover, RunChoice, TopicKey, ViewContext, Wish};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
-use ocu_ui::{format, icons, tokens, widgets};
+use ocu_ui::{format, icons, short_name, tokens, widgets};
 use rcs_runtime::Difference;
 use rcs_runtime::source::{Compared, Comparison, Control, Frame};
 
@@ -39,11 +39,12 @@ pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison,
         return widgets::empty(ui, icons::ICON_COMPARE, title, hint);
     }
     header(ui, names);
+    let buffers: Vec<&str> = differences.iter().map(|difference| difference.buffer.as_str()).collect();
     ui.spacing_mut().item_spacing.y = 0.0;
     ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, differences.len(), |ui, range| {
         for index in range {
             let Some(difference) = differences.get(index) else { continue };
-            row(ui, cx, comparison, difference);
+            row(ui, cx, comparison, difference, &buffers);
         }
     });
 }
@@ -104,7 +105,14 @@ fn header(ui: &mut Ui, names: &[String; 2]) {
     }
 }
 
-fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, difference: &Difference) {
+/// Paints a difference; `buffers` are those of all differences.
+fn row(
+    ui: &mut Ui,
+    cx: &mut ViewContext<'_>,
+    comparison: &Comparison,
+    difference: &Difference,
+    buffers: &[&str],
+) {
     let tokens = tokens(ui);
     let frame = cx.frame;
     // Rows are sorted by time, and others come while the sides are compared.
@@ -152,7 +160,8 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, differenc
     for (index, (text, place)) in cells.iter().zip(columns).enumerate() {
         let Some(place) = place else { continue };
         match index {
-            0 | 2 => widgets::cell_keep_end(ui, place, text, font(), ink),
+            0 => short_name::cell(ui.painter(), place, Align::Min, text, buffers, &font(), ink),
+            2 => short_name::cell(ui.painter(), place, Align::Min, text, &[], &font(), ink),
             1 => widgets::cell(ui, place, Align::Min, text, FontId::proportional(12.5), ink),
             _ => widgets::cell(ui, place, Align::Min, text, font(), ink),
         }

@@ -13,7 +13,7 @@ pub(crate) mod text;
 use crate::view::ViewContext;
 use draft::{Draft, Sent};
 use egui::{RichText, TextEdit, Ui};
-use ocu_ui::{icons, tokens, widgets};
+use ocu_ui::{icons, tokens, typing, widgets};
 use rcs_msg::rcs::r#override::Mode;
 use rcs_msg::rcs::{Fault, Override, OverrideInForce, OverrideList};
 use rcs_msg::{AnyMessage, FieldPath, Value};
@@ -223,7 +223,7 @@ impl Draft {
                         response.request_focus();
                     }
                     is_changed |= response.changed();
-                    entered |= response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+                    entered |= typing::entered(&response);
                     if widgets::icon_button(ui, icons::ICON_CLOSE, &format!("Leave {path} as it is"))
                         .clicked()
                     {

@@ -13,7 +13,7 @@ use crate::edit::text::text_of;
 use crate::edit::{overrides, refusal};
 use crate::origin::Origin;
 use crate::prepare::{Same, prepared};
-use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, rate_hz, run_beside};
+use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, is_old, run_beside};
 use array::{ArrayForm, Form};
 use decoded::Decoded;
 use egui::text::LayoutJob;
@@ -23,7 +23,7 @@ use egui::{
 use flash::Flashes;
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::widgets::{self, mono};
-use ocu_ui::{format, icons, stale, tokens};
+use ocu_ui::{format, icons, tokens};
 use rcs_msg::AnyMessage;
 use rcs_runtime::source::{Frame, Topic};
 use rows::{Row, hex};
@@ -235,7 +235,7 @@ fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
             if let Some(sample) = &topic.latest {
                 let header = &sample.header;
                 let age_s = topic.age_s(frame.now).unwrap_or(0.0);
-                let old = stale::is_stale(age_s, rate_hz(topic));
+                let old = is_old(topic, frame.now);
                 item(ui, "sequence", mono(header.sequence.to_string()));
                 item(ui, "log time", mono(format::clock(header.log_time.0)));
                 let acquired = topic.acq_time().unwrap_or(header.acq_time);

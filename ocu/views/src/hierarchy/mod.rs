@@ -19,7 +19,7 @@ use egui::{Align, Color32, FontId, Painter, Pos2, Rect, Role, Sense, Shape, Stro
 use layout::{BOX, Places};
 use look::{State, light, look};
 use ocu_ui::bar::{self, Bar, Fit};
-use ocu_ui::{Tokens, format, icons, tokens, widgets};
+use ocu_ui::{Tokens, format, icons, short_name, tokens, widgets};
 use rcs_msg::rcs::{Command, ProcessInfo, ProcessTiming, Status, Timing};
 use rcs_runtime::source::{BufferInfo, Frame, Hierarchy as Found, Node, RunTag, SourceKind};
 use serde::{Deserialize, Serialize};
@@ -119,6 +119,8 @@ pub(crate) struct Hierarchy {
 /// What is needed to paint the boxes.
 struct Scene<'a> {
     found: &'a Found,
+    /// The names of all processes, from which a shortened one is told.
+    names: Vec<&'a str>,
     wires: &'a [Wires],
     places: &'a Places,
     /// What is held by the operator, with the faults.
@@ -178,7 +180,8 @@ impl View for Hierarchy {
         let boxes = places.boxes.iter().map(|place| Rect::from_min_max(at(place.min), at(place.max)));
         let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
         let (zoom, held) = (viewport.scale as f32, edit::overrides(frame));
-        let scene = Scene { found, wires, places, held, boxes: boxes.collect(), zoom, painter };
+        let names = found.nodes.iter().map(|node| &*node.name).collect();
+        let scene = Scene { found, names, wires, places, held, boxes: boxes.collect(), zoom, painter };
         lines(cx, &scene, &at, tokens(ui));
         if saved.peers {
             peers(cx, &scene, tokens(ui));
@@ -302,15 +305,18 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
     let painter = &scene.painter;
     painter.rect(rect, 3.0 * zoom, tokens.surface[2], edge, egui::StrokeKind::Inside);
     let ink = Color32::from_rgb(16, 20, 22);
+    let name = |place: Rect, align: Align, font: FontId| {
+        short_name::cell(painter, place, align, &node.name, &scene.names, &font, ink);
+    };
     if zoom < READABLE {
         painter.rect_filled(rect.shrink(1.0), 2.0, look.fill);
         let inner = rect.shrink2(Vec2::new(4.0, 0.0));
         let font = FontId::proportional((30.0 * zoom).clamp(6.0, 13.0));
         if rect.height() < TWO_LINES {
-            widgets::cell_by(painter, inner, Align::Center, &node.name, font, ink);
+            name(inner, Align::Center, font);
         } else {
             let (upper, lower) = inner.split_top_bottom_at_fraction(0.55);
-            widgets::cell_by(painter, upper, Align::Center, &node.name, font, ink);
+            name(upper, Align::Center, font);
             widgets::cell_by(painter, lower, Align::Center, &look.word, FontId::proportional(10.0), ink);
         }
     } else {
@@ -320,7 +326,7 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
         let inner = head.shrink2(Vec2::new(8.0 * zoom, 0.0));
         let word_width = widgets::cell_by(painter, inner, Align::Max, &look.word, word_font, ink);
         let title = inner.with_max_x(inner.right() - word_width - 8.0 * zoom);
-        widgets::cell_by(painter, title, Align::Min, &node.name, FontId::proportional(13.0 * zoom), ink);
+        name(title, Align::Min, FontId::proportional(13.0 * zoom));
         body(tokens, frame, scene, index, status);
     }
     if let Some(process) = process {

@@ -35,7 +35,8 @@ impl Map {
                     usize::from(!corners.iter().all(|p| is_place(&(pose * *p).to_array())))
                 }
                 (Kind::Cloud, Ok(pose)) => {
-                    picture::cloud(ui.ctx(), layer, map, pose).map_or(0, |cloud| cloud.far)
+                    let cloud = picture::cloud(ui.ctx(), layer, map, pose, &self.state(layer).cloud);
+                    cloud.map_or(0, |cloud| cloud.far)
                 }
                 (Kind::Entities(_), _) => self.flat(layer).map_or(0, |flat| flat.far),
                 (Kind::Path(path) | Kind::Poses(path), Ok(pose)) => {

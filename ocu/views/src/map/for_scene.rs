@@ -8,7 +8,8 @@ use egui::{Color32, ColorImage, Context};
 use ocu_ui::palette::MapPalette;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::{AnyMessage, Stamp};
-use rcs_runtime::source::{Frame, Place};
+use rcs_runtime::source::{Frame, Place, WGS84};
+use std::collections::BTreeMap;
 
 /// Most points of a track that are drawn.
 const MOST_POINTS: usize = 4_000;
@@ -28,6 +29,15 @@ pub(crate) enum Thing<'a> {
         points: Vec<DVec3>,
         here: Option<([f64; 3], f64)>,
     },
+    /// None of it can be placed in the scene.
+    Nothing,
+}
+
+/// Why a layer, or a part of its entities, cannot be placed in the scene.
+pub(crate) struct Loose {
+    pub(crate) reason: String,
+    /// The frame in which it could be drawn.
+    pub(crate) frame_id: String,
 }
 
 /// A layer in the frame of the scene.
@@ -42,46 +52,83 @@ pub(crate) struct Placed<'a> {
     pub(crate) is_stale: bool,
     /// Age of its newest message, s; `None` for a track without its topic.
     pub(crate) age_s: Option<f64>,
+    pub(crate) loose: Option<Loose>,
 }
 
-/// The frame in which most can be drawn, and everything that can be drawn in it. `chosen` is the frame that a person
-/// has chosen.
+/// The frame in which most can be drawn, and everything that a scene draws, placed in it where transforms allow it.
+/// `chosen` is the frame that a person has chosen.
 pub(crate) fn placed<'a>(
     ctx: &Context,
     frame: &'a Frame,
     chosen: Option<&str>,
 ) -> Option<(String, Vec<Placed<'a>>)> {
     let all = layers::layers(frame);
-    let frames = layers::frames(frame, &all);
-    let chosen = chosen.and_then(|name| frames.iter().copied().find(|frame| *frame == name));
-    let scene = chosen.or_else(|| layers::default_frame(frame, &all))?;
+    let scene = layers::map_frame(frame, &all, chosen)?;
     let has_map = all.iter().any(Layer::is_map);
     let placed = all.iter().enumerate().filter_map(|(index, layer)| {
-        let (thing, scene_from_layer) = if let Kind::Entities(_) = layer.kind {
-            let placed = entities::placement(ctx, frame, scene, layer)?.placed.clone();
-            ((!placed.0.is_empty()).then_some(Thing::Entities(placed))?, Pose::IDENTITY)
+        let (thing, scene_from_layer, reason) = if let Kind::Entities(_) = layer.kind {
+            entities_in(ctx, frame, scene, layer)?
         } else {
-            let scene_from_layer = layers::map_from_layer(frame, scene, layer).ok()?;
-            (thing(layer, frame.now)?, scene_from_layer)
+            let thing = thing(layer, frame.now)?;
+            match layers::map_from_layer(frame, scene, layer) {
+                Ok(scene_from_layer) => (thing, scene_from_layer, None),
+                Err(reason) => (Thing::Nothing, Pose::IDENTITY, Some(reason)),
+            }
         };
-        let is_cloud = matches!(layer.kind, Kind::Cloud);
-        let is_part = has_map && layer.is_part_of_a_map() && !is_cloud;
+        // Few recordings connect latitude and longitude to a frame: that is told in the list of layers alone.
+        let is_degrees = layer.frame_id == WGS84 && reason.is_some();
         Some(Placed {
             name: layer.name.clone(),
             thing,
             scene_from_layer,
             series: panel::series(&all, index),
-            is_usual: !layer.is_ground_truth() && !is_part,
+            is_usual: is_usual(layer, has_map) && !is_degrees,
             is_stale: layer.is_stale(frame.now),
             age_s: layer.topic.and_then(|topic| topic.age_s(frame.now)),
+            loose: reason.map(|reason| Loose { reason, frame_id: layer.frame_id.to_owned() }),
         })
     });
     Some((scene.to_owned(), placed.collect()))
 }
 
+/// Whether a layer is shown until a person switches it off. `has_map` says whether there is a fused map.
+pub(super) fn is_usual(layer: &Layer<'_>, has_map: bool) -> bool {
+    let is_cloud = matches!(layer.kind, Kind::Cloud);
+    let is_part = has_map && layer.is_part_of_a_map() && !is_cloud;
+    !layer.is_ground_truth() && !is_part
+}
+
 /// All frames in which a scene can be drawn.
 pub(crate) fn frames(frame: &Frame) -> Vec<String> {
     layers::frames(frame, &layers::layers(frame)).into_iter().map(str::to_owned).collect()
+}
+
+/// The coordinate frames that layers name and no transform does, with the names of these layers.
+pub(crate) fn loose_frames(frame: &Frame) -> BTreeMap<&str, Vec<String>> {
+    let mut loose: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for layer in layers::layers(frame) {
+        if layer.frame_id != WGS84 && !frame.transforms.contains(layer.frame_id) {
+            loose.entry(layers::frame_label(layer.frame_id)).or_default().push(layer.name);
+        }
+    }
+    loose
+}
+
+/// The entities of a layer in the frame of the scene, and why some of them are not placed.
+fn entities_in<'a>(
+    ctx: &Context,
+    frame: &Frame,
+    scene: &str,
+    layer: &Layer<'a>,
+) -> Option<(Thing<'a>, Pose, Option<String>)> {
+    let placement = entities::placement(ctx, frame, scene, layer)?;
+    let (placed, count) = (placement.placed.clone(), placement.placed.0.len());
+    let reason = placement.reason.clone();
+    if count == 0 {
+        return Some((Thing::Nothing, Pose::IDENTITY, Some(reason?)));
+    }
+    let reason = reason.map(|reason| format!("{} of {}: {reason}", placement.loose, placement.loose + count));
+    Some((Thing::Entities(placed), Pose::IDENTITY, reason))
 }
 
 fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {

@@ -96,6 +96,11 @@ impl Layer<'_> {
         self.topic.is_some_and(|topic| is_old(topic, now))
     }
 
+    /// Whether it shows this topic.
+    pub(super) fn is_of(&self, topic: &Topic) -> bool {
+        self.topic.is_some_and(|own| own.name == topic.name && own.run == topic.run)
+    }
+
     /// The message that it shows; `None` for a track, which consists of many.
     pub(super) fn message(&self) -> Option<SameMessage> {
         Some(SameMessage(self.topic?.canonical()?.clone()))
@@ -236,10 +241,16 @@ pub(super) fn frames<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Vec<&'a str>
     frames
 }
 
+/// The frame of a map: the chosen one as long as there is such a frame, else the default one.
+pub(super) fn map_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>], chosen: Option<&str>) -> Option<&'a str> {
+    let chosen = chosen.and_then(|chosen| frames(frame, layers).into_iter().find(|name| *name == chosen));
+    chosen.or_else(|| default_frame(frame, layers))
+}
+
 /// The default frame of a map: of the frames of grids, geodetic positions and tracks the one in which most layers are
 /// drawn, in this order where several draw as many; otherwise the root above the first cloud, or above the robot where
 /// there are transforms alone.
-pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Option<&'a str> {
+fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Option<&'a str> {
     let own = || layers.iter().filter(|layer| !layer.is_ground_truth());
     let rank = |layer: &Layer<'_>| match layer.kind {
         Kind::Grid(_) => Some(2),
@@ -254,12 +265,18 @@ pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Optio
     if let Some((_, best)) = candidates.iter().rev().max_by_key(|(rank, name)| (drawn(name), *rank)) {
         return Some(*best);
     }
-    let mut root = layers.first().map(|layer| layer.frame_id).or_else(|| own_frame(frame))?;
+    let first = layers.first().map(|layer| layer.frame_id).or_else(|| own_frame(frame))?;
+    Some(root_above(frame, first))
+}
+
+/// The frame that lies above this one and below no other.
+pub(super) fn root_above<'a>(frame: &'a Frame, name: &'a str) -> &'a str {
+    let mut root = name;
     for _ in 0..64 {
         let Some(parent) = frame.transforms.parent(root) else { break };
         root = parent;
     }
-    Some(root)
+    root
 }
 
 /// Displayed name of a frame.

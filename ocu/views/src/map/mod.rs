@@ -27,6 +27,7 @@ mod preview;
 mod robot;
 mod shared_draft;
 mod toolbar;
+mod topics;
 mod track;
 mod training;
 mod uncertainty;
@@ -34,11 +35,12 @@ mod undrawn;
 
 use crate::canvas::Viewport;
 use crate::clip::is_place;
-use crate::view::{Preview, SavedState, View, ViewContext};
+use crate::cloud_look::CloudLook;
+use crate::view::{Draws, Preview, SavedState, View, ViewContext};
 use egui::{Context, Pos2, Rect, Response, Role, Sense, Ui, Vec2, WidgetInfo};
 use entities::OnMap;
 pub(crate) use for_camera::{Floor, Ground, OnGround};
-pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
+pub(crate) use for_scene::{CellColors, Placed, Thing, frames, loose_frames, placed};
 use grid::Extent;
 use labels::Labels;
 use layers::{Kind, Layer, Tracks};
@@ -54,6 +56,7 @@ use robot::Robot;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
+pub(crate) use topics::{frame_for, in_scene};
 
 /// Saved settings of a layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,11 +66,13 @@ struct LayerState {
     opacity: f32,
     /// Field by which a grid is coloured; the first choice where `None`.
     shade: Option<String>,
+    /// How a cloud is drawn.
+    cloud: CloudLook,
 }
 
 impl Default for LayerState {
     fn default() -> Self {
-        Self { shown: true, opacity: 1.0, shade: None }
+        Self { shown: true, opacity: 1.0, shade: None, cloud: CloudLook::default() }
     }
 }
 
@@ -170,6 +175,17 @@ impl View for Map {
         is_ours || topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
     }
 
+    fn draws(&self, frame: &Frame, topic: &Topic) -> Draws {
+        if self.accepts(topic) { topics::on_map(self, frame, topic) } else { Draws::Never }
+    }
+
+    fn open_for(&mut self, frame: &Frame, topic: &Topic) {
+        self.drop_topic(topic);
+        if self.draws(frame, topic) == Draws::Never {
+            self.saved.frame = frame_for(frame, topic);
+        }
+    }
+
     fn drop_topic(&mut self, topic: &Topic) {
         // Beside a computed topic of the same name, a layer that was recorded has a name of its own.
         let recorded = topic.run.is_recorded().then(|| crate::toolbar::recorded_label(&topic.name));
@@ -190,9 +206,7 @@ impl View for Map {
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
         let layers = layers::layers(cx.frame);
         let frames = layers::frames(cx.frame, &layers);
-        let chosen =
-            self.saved.frame.as_deref().and_then(|name| frames.iter().copied().find(|frame| *frame == name));
-        let Some(map) = chosen.or_else(|| layers::default_frame(cx.frame, &layers)) else {
+        let Some(map) = layers::map_frame(cx.frame, &layers, self.saved.frame.as_deref()) else {
             let hint =
                 "Tracks, maps, clouds, paths or markers would fill it: play on, or open a log that has some.";
             let hint = undrawn::with_hint(hint, ui.ctx(), cx.frame);
@@ -512,7 +526,7 @@ impl Map {
                     corners.iter().map(|p| pose * *p).for_each(|p| add([p.x, p.y]));
                 }
                 (Kind::Cloud, Ok(pose)) => {
-                    let cloud = picture::cloud(ctx, layer, map, pose);
+                    let cloud = picture::cloud(ctx, layer, map, pose, &self.state(layer).cloud);
                     if let Some((min, max)) = cloud.and_then(|cloud| cloud.bounds) {
                         add(min);
                         add(max);

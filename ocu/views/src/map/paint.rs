@@ -1,6 +1,5 @@
 //! Painting of map layers.
 
-use super::Map;
 use super::grid::Cells;
 use super::labels::Labels;
 use super::layers::{Kind, Layer, PlacedTrack};
@@ -9,6 +8,7 @@ use super::picture::{self, CloudPicture, GridLook, GridPicture};
 use super::robot::Robot;
 use super::track::line;
 use super::uncertainty::{self, Covariance};
+use super::{LayerState, Map};
 use crate::canvas::Viewport;
 use crate::clip::{self, is_place};
 use crate::pose;
@@ -88,12 +88,13 @@ impl Map {
         canvas: Rect,
         id: Id,
     ) {
-        let cloud = picture::cloud(ui.ctx(), layer, map, map_from_cloud_frame);
-        let picture =
-            cloud.and_then(|cloud| CloudPicture::of(ui.ctx(), layer, cloud, id, viewport, canvas.size()));
+        let LayerState { opacity, cloud: look, .. } = self.state(layer);
+        let Some(cloud) = picture::cloud(ui.ctx(), layer, map, map_from_cloud_frame, &look) else { return };
+        let painted = (cloud, look.side());
+        let picture = CloudPicture::of(ui.ctx(), layer, painted, id, viewport, canvas.size());
         let Some(picture) = picture else { return };
         let corners = picture.corners(viewport, canvas);
-        let shape = quadrilateral(picture.texture(ui.ctx()), corners, self.state(layer).opacity);
+        let shape = quadrilateral(picture.texture(ui.ctx()), corners, opacity);
         ui.painter_at(canvas).add(shape);
     }
 

@@ -6,9 +6,11 @@ use super::layers::{self, Kind, Layer};
 use super::uncertainty::{Covariance, SIGMAS};
 use super::{LayerState, Map, picture, undrawn};
 use crate::cloud_colors::{CloudColors, intensity_color};
-use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
+use crate::cloud_look::ONE;
+use egui::{Align2, Color32, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens, widgets};
-use rcs_runtime::source::Frame;
+use rcs_msg::foxglove::PointCloud;
+use rcs_runtime::source::{Frame, Topic};
 
 /// Index of a layer's line colour; only lines and arrows have colours of their own. A track of the run that was left has
 /// the colour of the track of the same topic, so that a branch changes no colour.
@@ -37,6 +39,12 @@ fn is_line(layer: &Layer<'_>) -> bool {
 
 /// Height of a line of the legend, screen points.
 const LEGEND_LINE: f32 = 16.0;
+/// Part of the height and of the width of the map that the legend may have.
+const LEGEND_PART: f32 = 1.0 / 3.0;
+/// Width that the legend may have on any map.
+const LEGEND_WIDTH: f32 = 112.0;
+/// On a map of less width, the colours keep to the width of the legend, too.
+const NARROW: f32 = 400.0;
 
 impl Map {
     pub(super) fn panel(&mut self, ui: &mut Ui, frame: &Frame, map: &str, layers: &[Layer<'_>], rect: Rect) {
@@ -152,7 +160,7 @@ impl Map {
                 });
             }
             (Kind::Cloud, Ok(pose)) if state.shown => {
-                if let Some(Err(reason)) = picture::read_cloud(ui.ctx(), layer, map, pose) {
+                if let Some(Err(reason)) = picture::read_cloud(ui.ctx(), layer, map, pose, &state.cloud) {
                     note(ui, format!("not drawn: {reason}"), tokens.warning);
                 }
             }
@@ -167,6 +175,10 @@ impl Map {
                 Ok(cells) if state.shown => shade_choice(ui, layer, &cells, state, indent),
                 Ok(_) => {}
             }
+        }
+        let cloud = layer.topic.filter(|_| state.shown && matches!(layer.kind, Kind::Cloud));
+        if let Some(cloud) = cloud.and_then(Topic::get::<PointCloud>) {
+            state.cloud.ui(ui, &layer.name, cloud, indent);
         }
         if state.shown && matches!(layer.kind, Kind::Grid(_) | Kind::Cloud) {
             opacity(ui, layer, state, indent);
@@ -187,17 +199,18 @@ impl Map {
         let placed = |layer: &&&Layer<'_>| layers::map_from_layer(frame, &self.frame_id, layer).is_ok();
         let colored =
             shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud));
-        // Lines are omitted if the layer panel lists them, or if they would take more than a third of the map's height.
-        let lines = shown.iter().filter(|layer| is_line(layer)).count();
-        let is_short = lines as f32 * LEGEND_LINE <= canvas.height() / 3.0;
-        let named = !listed && lines > 0 && (is_short || !colored);
-        if !colored && !named {
+        // The layer panel lists the lines with their colours.
+        let lines = if listed { Vec::new() } else { self.lines(ui, layers, shown) };
+        if !colored && lines.is_empty() {
             return None;
         }
         let palette = self.saved.palette;
-        let tokens = tokens(ui);
+        let width = (canvas.width() * LEGEND_PART).max(LEGEND_WIDTH);
         let ((), place) = legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
+            if canvas.width() < NARROW {
+                ui.set_max_width(width);
+            }
             let mut costs = false;
             for layer in shown {
                 match layer.kind {
@@ -215,7 +228,7 @@ impl Map {
                             continue;
                         }
                         let range = self.ranges.get(&layer.name).copied().unwrap_or([0.0, 255.0]);
-                        ui.label(RichText::new(format!("{}  {}", layer.name, shade.name())).small());
+                        legend::title(ui, &format!("{}  {}", layer.name, shade.name()));
                         legend::band(
                             ui,
                             96.0,
@@ -226,27 +239,10 @@ impl Map {
                     }
                     Kind::Cloud => {
                         let Ok(pose) = layers::map_from_layer(frame, &self.frame_id, layer) else { continue };
-                        let cloud = picture::cloud(ui.ctx(), layer, &self.frame_id, pose);
+                        let look = self.state(layer).cloud;
+                        let cloud = picture::cloud(ui.ctx(), layer, &self.frame_id, pose, &look);
                         let Some(cloud) = cloud else { continue };
-                        let name = |what: &str| RichText::new(format!("{}  {what}", layer.name)).small();
-                        match cloud.colors {
-                            CloudColors::Height(range) => {
-                                let [low, high] = range.map(|z| format::metres(z, 1));
-                                ui.label(name("height"));
-                                legend::band(ui, 96.0, &low, &high, palette::even);
-                            }
-                            CloudColors::Intensity(range) => {
-                                let [low, high] = range.map(format::number);
-                                ui.label(name("intensity"));
-                                legend::band(ui, 96.0, &low, &high, intensity_color);
-                            }
-                            CloudColors::Own => {
-                                ui.label(name("own colours"));
-                            }
-                            CloudColors::Plain => {
-                                ui.label(name("flat, one colour"));
-                            }
-                        }
+                        cloud_legend(ui, &layer.name, cloud.colors, look.by.as_deref());
                     }
                     _ => {}
                 }
@@ -254,26 +250,82 @@ impl Map {
             if costs {
                 crate::toolbar::cost_legend(ui, palette);
             }
-            for (index, layer) in layers.iter().enumerate().filter(|_| named) {
-                let drawn = shown.iter().any(|shown| shown.name == layer.name);
-                let placed = self.tracks.placed.get(&layer.name);
-                let visible = match layer.kind {
-                    Kind::Track { .. } => placed.is_some_and(|track| track.error.is_none()),
-                    Kind::Path(_) | Kind::Poses(_) | Kind::Plan(_) => true,
-                    _ => false,
-                };
-                if drawn && visible {
-                    let aligned = placed.is_some_and(|track| track.alignment.is_some());
-                    let name = if aligned {
-                        format!("{} (aligned at start)", layer.name)
-                    } else {
-                        layer.name.clone()
-                    };
-                    legend::swatch(ui, tokens.series(series(layers, index)), &name);
-                }
+            if !lines.is_empty() {
+                let height = canvas.height() * LEGEND_PART - ui.min_rect().height();
+                ui.scope(|ui| {
+                    ui.set_max_width(width.min(ui.available_width()));
+                    line_names(ui, &lines, height);
+                });
             }
         });
         Some(place)
+    }
+
+    /// The visible lines with their colours.
+    fn lines(&self, ui: &Ui, layers: &[Layer<'_>], shown: &[&Layer<'_>]) -> Vec<(Color32, String)> {
+        let tokens = tokens(ui);
+        let mut lines = Vec::new();
+        for (index, layer) in layers.iter().enumerate() {
+            let drawn = shown.iter().any(|shown| shown.name == layer.name);
+            let placed = self.tracks.placed.get(&layer.name);
+            let visible = match layer.kind {
+                Kind::Track { .. } => placed.is_some_and(|track| track.error.is_none()),
+                Kind::Path(_) | Kind::Poses(_) | Kind::Plan(_) => true,
+                _ => false,
+            };
+            if drawn && visible {
+                let aligned = placed.is_some_and(|track| track.alignment.is_some());
+                let aligned = if aligned { " (aligned at start)" } else { "" };
+                let name = format!("{}{aligned}", layer.name);
+                lines.push((tokens.series(series(layers, index)), name));
+            }
+        }
+        lines
+    }
+}
+
+/// The names of lines in the legend, as many as this height has room for; the last row says how many there are besides.
+fn line_names(ui: &mut Ui, lines: &[(Color32, String)], height: f32) {
+    let rows = ((height / LEGEND_LINE) as usize).max(2);
+    let count = if lines.len() <= rows { lines.len() } else { rows - 1 };
+    let names: Vec<&str> = lines.iter().map(|(_, name)| name.as_str()).collect();
+    for (color, name) in &lines[..count] {
+        legend::swatch_among(ui, *color, name, &names);
+    }
+    let others = &names[count..];
+    if !others.is_empty() {
+        let text = RichText::new(format!("and {} more", others.len())).small().color(tokens(ui).weak);
+        ui.label(text).on_hover_text(others.join("\n"));
+    }
+}
+
+/// What the colours of a cloud mean; `by` is what was chosen.
+fn cloud_legend(ui: &mut Ui, layer: &str, colors: CloudColors, by: Option<&str>) {
+    let name = |what: &str| format!("{layer}  {what}");
+    match colors {
+        CloudColors::Height(range) => {
+            let [low, high] = range.map(|z| format::metres(z, 1));
+            legend::title(ui, &name("height"));
+            legend::band(ui, 96.0, &low, &high, palette::even);
+        }
+        CloudColors::Intensity(range) => {
+            let [low, high] = range.map(format::number);
+            legend::title(ui, &name("intensity"));
+            legend::band(ui, 96.0, &low, &high, intensity_color);
+        }
+        CloudColors::Value(range) => {
+            let [low, high] = range.map(format::number);
+            legend::title(ui, &name(by.unwrap_or_default()));
+            legend::band(ui, 96.0, &low, &high, palette::even);
+        }
+        CloudColors::Own => {
+            legend::title(ui, &name("own colours"));
+        }
+        // What was chosen may be a field that the cloud does not have.
+        CloudColors::Plain => {
+            let is_chosen = by == Some(ONE);
+            legend::title(ui, &name(if is_chosen { ONE } else { "flat, one colour" }));
+        }
     }
 }
 
@@ -359,6 +411,8 @@ fn opacity(ui: &mut Ui, layer: &Layer<'_>, state: &mut LayerState, indent: f32) 
 mod tests {
     use super::*;
     use crate::samples;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
     use rcs_runtime::RunId;
     use rcs_runtime::source::RunTag;
     use std::collections::BTreeMap;
@@ -377,5 +431,24 @@ mod tests {
         let left = after.remove("/localization/local (run 0)");
         assert!(left.is_some() && left == before.get("/localization/local").copied(), "{after:?}");
         assert_eq!(after, before);
+    }
+
+    #[test]
+    fn a_legend_names_as_many_lines_as_its_height_has_room_for_and_says_how_many_are_left() {
+        let lines: Vec<(Color32, String)> =
+            (0..9).map(|line| (Color32::WHITE, format!("/line{line}"))).collect();
+        for (rows, named, more) in
+            [(9.0, 9, None), (8.5, 7, Some("and 2 more")), (0.0, 1, Some("and 8 more"))]
+        {
+            let lines = lines.clone();
+            let mut harness = Harness::builder()
+                .with_size(Vec2::new(200.0, 300.0))
+                .with_context_setup(ocu_ui::install)
+                .build_ui(move |ui| line_names(ui, &lines, rows * LEGEND_LINE));
+            harness.run();
+            assert_eq!(harness.query_all_by_label_contains("/line").count(), named);
+            assert_eq!(harness.query_by_label_contains("more").is_some(), more.is_some());
+            assert!(more.is_none_or(|more| harness.query_by_label(more).is_some()), "{more:?}");
+        }
     }
 }

@@ -5,6 +5,7 @@ use super::cloud::Cloud;
 use super::grid::{Cells, Shade};
 use super::layers::{self, Layer};
 use crate::canvas::Viewport;
+use crate::cloud_look::CloudLook;
 use crate::prepare::{Painted, Same, prepared};
 use egui::{Color32, Context, Id, Pos2, Rect, TextureId, TextureOptions, Vec2};
 use ocu_ui::palette::MapPalette;
@@ -69,8 +70,14 @@ impl GridPicture {
 }
 
 /// The points of a layer's cloud on the map; `None` until the first ones are read, or if they cannot be read.
-pub(super) fn cloud(ctx: &Context, layer: &Layer<'_>, map: &str, map_from_frame: Pose) -> Option<Arc<Cloud>> {
-    read_cloud(ctx, layer, map, map_from_frame)?.ok()
+pub(super) fn cloud(
+    ctx: &Context,
+    layer: &Layer<'_>,
+    map: &str,
+    map_from_frame: Pose,
+    look: &CloudLook,
+) -> Option<Arc<Cloud>> {
+    read_cloud(ctx, layer, map, map_from_frame, look)?.ok()
 }
 
 /// The points of a layer's cloud on the map; the error says why they cannot be read. `None` until the first ones are
@@ -80,12 +87,13 @@ pub(super) fn read_cloud(
     layer: &Layer<'_>,
     map: &str,
     map_from_frame: Pose,
+    look: &CloudLook,
 ) -> Option<Result<Arc<Cloud>, String>> {
-    let (topic, message) = (layer.topic?, layer.message()?);
-    let slot = Id::unique(("cloud", &*topic.name, topic.run, map));
+    let (topic, message, by) = (layer.topic?, layer.message()?, look.by.clone());
+    let slot = Id::unique(("cloud", &*topic.name, topic.run, map, &by));
     let cloud = prepared(ctx, slot, (message.clone(), map_from_frame), move || {
         let cloud = message.0.get::<PointCloud>().ok_or("it is no point cloud")?;
-        Cloud::new(cloud, &map_from_frame).map(Arc::new)
+        Cloud::new(cloud, &map_from_frame, by.as_deref()).map(Arc::new)
     });
     cloud.map(|cloud| (*cloud).clone())
 }
@@ -100,11 +108,12 @@ pub(super) struct CloudPicture {
 }
 
 impl CloudPicture {
-    /// The picture of a layer's cloud on the canvas of one view; `None` until the first one is painted.
+    /// The picture of a layer's cloud on the canvas of one view; `None` until the first one is painted. `side` is that of
+    /// its points, screen points.
     pub(super) fn of(
         ctx: &Context,
         layer: &Layer<'_>,
-        cloud: Arc<Cloud>,
+        (cloud, side): (Arc<Cloud>, f32),
         canvas: Id,
         viewport: Viewport,
         size: Vec2,
@@ -112,10 +121,10 @@ impl CloudPicture {
         let topic = layer.topic?;
         let slot = Id::unique(("painted cloud", &*topic.name, topic.run, canvas));
         let per_point = ctx.pixels_per_point();
-        let key = (Same(Arc::clone(&cloud)), viewport, size, per_point);
+        let key = (Same(Arc::clone(&cloud)), viewport, size, per_point, side);
         prepared(ctx, slot, key, move || {
             let canvas = Rect::from_min_size(Pos2::ZERO, size);
-            let painted = Painted::new(cloud.paint(canvas, viewport, per_point));
+            let painted = Painted::new(cloud.paint(canvas, viewport, per_point, side));
             Self { painted, viewport, size, per_point }
         })
     }
@@ -152,7 +161,8 @@ mod tests {
             let kind = Kind::Cloud;
             let (name, stamp, topic) = ("/points".into(), Stamp(1), Some(&topic));
             let layer = Layer { name, kind, frame_id: "", stamp, topic, is_twin: false };
-            read_cloud(&ctx, &layer, "map", Pose::IDENTITY).map(|read| read.map(|cloud| cloud.points.len()))
+            let read = read_cloud(&ctx, &layer, "map", Pose::IDENTITY, &CloudLook::default());
+            read.map(|read| read.map(|cloud| cloud.points.len()))
         };
         assert_eq!(read(samples::cloud(&[[1.0, 2.0, 3.0]])), Some(Ok(1)));
         let flat = PointCloud { fields: Vec::new(), ..samples::cloud(&[[1.0, 2.0, 3.0]]) };

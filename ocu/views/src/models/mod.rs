@@ -19,7 +19,7 @@ use crate::command::{self, refusal};
 use crate::prepare::prepared;
 use crate::toolbar::topic_choice;
 use crate::tuning::in_force;
-use crate::view::{SavedState, TopicKey, View, ViewContext, Wish, is_old};
+use crate::view::{Draws, SavedState, TopicKey, View, ViewContext, Wish, is_old};
 use egui::{Id, RichText, ScrollArea, Ui};
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::{format, icons, tokens, widgets};
@@ -81,6 +81,11 @@ impl View for Models {
         topic.role() == Some(Role::Models)
     }
 
+    fn draws(&self, frame: &Frame, topic: &Topic) -> Draws {
+        let shown = self.shown(frame, &topics(frame));
+        if shown.is_some_and(|shown| TopicKey::of(topic).is(shown)) { Draws::Now } else { Draws::Never }
+    }
+
     fn drop_topic(&mut self, topic: &Topic) {
         self.saved.topic = Some(TopicKey::of(topic));
     }
@@ -95,11 +100,8 @@ impl View for Models {
     }
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
-        let topics: Vec<&Topic> =
-            cx.frame.topics.iter().filter(|topic| topic.role() == Some(Role::Models)).collect();
-        let chosen = self.saved.topic.as_ref().and_then(|key| key.find(cx.frame));
-        let with_models = || topics.iter().copied().find(|topic| topic.latest.is_some());
-        let Some(topic) = chosen.or_else(with_models).or_else(|| topics.first().copied()) else {
+        let topics = topics(cx.frame);
+        let Some(topic) = self.shown(cx.frame, &topics) else {
             let hint = "A process that learns would fill it: run the stack learning or lagr, or open a recording \
                         of one.";
             return widgets::empty(ui, icons::ICON_MODEL_TRAINING, "No models here", hint);
@@ -156,7 +158,19 @@ impl View for Models {
     }
 }
 
+/// The topics with models.
+fn topics(frame: &Frame) -> Vec<&Topic> {
+    frame.topics.iter().filter(|topic| topic.role() == Some(Role::Models)).collect()
+}
+
 impl Models {
+    /// The topic that is shown: the chosen one, else the first one with models.
+    fn shown<'a>(&self, frame: &'a Frame, topics: &[&'a Topic]) -> Option<&'a Topic> {
+        let chosen = self.saved.topic.as_ref().and_then(|key| key.find(frame));
+        let with_models = || topics.iter().copied().find(|topic| topic.latest.is_some());
+        chosen.or_else(with_models).or_else(|| topics.first().copied())
+    }
+
     fn toolbar(
         &mut self,
         ui: &mut Ui,

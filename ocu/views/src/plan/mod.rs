@@ -9,7 +9,7 @@ mod chart;
 mod terms;
 
 use crate::toolbar::topic_choice;
-use crate::view::{Hover, HoverPoint, SavedState, TopicKey, View, ViewContext, is_old};
+use crate::view::{Draws, Hover, HoverPoint, SavedState, TopicKey, View, ViewContext, is_old};
 use egui::{Align, FontId, Rect, RichText, ScrollArea, Sense, Ui, Vec2};
 use ocu_ui::bar::{Bar, Fit};
 use ocu_ui::{format, icons, legend, tokens, widgets};
@@ -50,6 +50,14 @@ impl View for Plan {
 
     fn accepts(&self, topic: &Topic) -> bool {
         matches!(topic.type_name(), "rcs.Plan" | "rcs.ArcChoice")
+    }
+
+    fn draws(&self, frame: &Frame, topic: &Topic) -> Draws {
+        let (plans, choices) = (topics(frame, "rcs.Plan"), topics(frame, "rcs.ArcChoice"));
+        let plan = chosen(self.saved.plan.as_ref(), frame, &plans);
+        let arcs = chosen(self.saved.arcs.as_ref(), frame, &choices);
+        let is_shown = plan.into_iter().chain(arcs).any(|shown| TopicKey::of(topic).is(shown));
+        if is_shown { Draws::Now } else { Draws::Never }
     }
 
     fn drop_topic(&mut self, topic: &Topic) {

@@ -1,7 +1,7 @@
 //! The line in which a formula is written, with what it can be completed to.
 
 use egui::{RichText, Sense, TextEdit, Ui, Vec2, WidgetInfo};
-use ocu_ui::{tokens, widgets};
+use ocu_ui::{tokens, typing, widgets};
 use rcs_formula::{FieldRef, Formula, functions};
 use rcs_msg::{FieldPath, Value};
 use rcs_runtime::source::{Frame, Topic};
@@ -72,7 +72,7 @@ impl Entry {
                 if std::mem::take(&mut self.fresh) {
                     response.request_focus();
                 }
-                let done = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+                let done = typing::entered(&response);
                 if (ui.add_enabled(parsed.is_ok(), egui::Button::new(verb)).clicked() || done)
                     && parsed.is_ok()
                 {

@@ -15,7 +15,7 @@ mod saved;
 mod stats;
 
 use crate::series::{Shelf, Shown};
-use crate::view::{FieldKey, RunChoice, SavedState, View, ViewContext, Wish};
+use crate::view::{Draws, FieldKey, RunChoice, SavedState, View, ViewContext, Wish};
 use axis::GraphKind;
 use egui::{Color32, Pos2, Rect, Ui};
 use entry::{Entered, Entry};
@@ -66,6 +66,10 @@ impl View for Plot {
 
     fn accepts(&self, topic: &Topic) -> bool {
         topic.undecodable.is_none()
+    }
+
+    fn draws(&self, _frame: &Frame, topic: &Topic) -> Draws {
+        if self.accepts(topic) { Draws::OnceDropped } else { Draws::Never }
     }
 
     fn drop_topic(&mut self, topic: &Topic) {

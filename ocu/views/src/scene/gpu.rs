@@ -170,7 +170,7 @@ impl Gpu {
     fn uniforms(&self, draw: &Draw, size: [u32; 2], per_point: f32) -> wgpu::BindGroup {
         let clip_from_origin = draw.clip_from_shapes * DMat4::from_translation(draw.shapes.origin());
         let matrix = clip_from_origin.to_cols_array().map(|v| v as f32);
-        let rest = [size[0] as f32, size[1] as f32, (2.0 * per_point).max(2.0), per_point];
+        let rest = [size[0] as f32, size[1] as f32, (draw.shapes.side * per_point).max(1.0), per_point];
         let bytes: Vec<u8> = matrix.iter().chain(&rest).flat_map(|v| v.to_ne_bytes()).collect();
         let buffer = self.offscreen.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("scene"),

@@ -7,13 +7,15 @@
 
 mod camera;
 mod gpu;
+mod menu;
 mod shapes;
 mod worker;
 
 use crate::cached::SameMessage;
+use crate::cloud_look::CloudLook;
 use crate::map::{self, Placed, Thing};
 use crate::prepare;
-use crate::view::{Hover, HoverPoint, SavedState, View, ViewContext};
+use crate::view::{Draws, Hover, HoverPoint, SavedState, View, ViewContext};
 use camera::{Camera, project, unproject};
 use egui::{Align2, Color32, FontId, Rect, RichText, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
@@ -54,6 +56,8 @@ struct Saved {
     palette: MapPalette,
     /// Layers that were switched by hand, by name.
     layers: BTreeMap<String, bool>,
+    /// Looks of clouds that were changed by hand, by name.
+    clouds: BTreeMap<String, CloudLook>,
 }
 
 impl Default for Saved {
@@ -65,6 +69,7 @@ impl Default for Saved {
             axes: true,
             palette: MapPalette::default(),
             layers: BTreeMap::new(),
+            clouds: BTreeMap::new(),
         }
     }
 }
@@ -104,6 +109,20 @@ impl View for Scene {
         topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
     }
 
+    fn draws(&self, frame: &Frame, topic: &Topic) -> Draws {
+        if !self.accepts(topic) {
+            return Draws::Never;
+        }
+        map::in_scene(frame, self.saved.frame.as_deref(), &self.saved.layers, topic)
+    }
+
+    fn open_for(&mut self, frame: &Frame, topic: &Topic) {
+        self.drop_topic(topic);
+        if self.draws(frame, topic) == Draws::Never {
+            self.saved.frame = map::frame_for(frame, topic);
+        }
+    }
+
     fn drop_topic(&mut self, topic: &Topic) {
         self.saved.layers.insert(topic.name.to_string(), true);
     }
@@ -141,18 +160,7 @@ impl Scene {
         bar.left("frame", Fit::Leaves(60), |ui, form, view| view.frame_choice(ui, form, frame, scene));
         bar.left("layers", Fit::Leaves(50), |ui, form, view| {
             bar::menu(ui, form, icons::ICON_LAYERS, "Layers", |ui| {
-                ui.set_min_width(220.0);
-                let mut names = widgets::RowNames::default();
-                for layer in placed {
-                    let mut shown = view.shows(layer);
-                    // Those before it come and go.
-                    if names.named(ui, &layer.name, |ui| ui.checkbox(&mut shown, &layer.name).changed()) {
-                        view.saved.layers.insert(layer.name.clone(), shown);
-                    }
-                    age(ui, layer);
-                }
-                ui.separator();
-                widgets::named(ui, "axes", |ui| ui.checkbox(&mut view.saved.axes, "Coordinate frames"));
+                view.layers_menu(ui, placed);
             });
         });
         bar.right("fit", Fit::Leaves(40), |ui, form, view| {
@@ -321,7 +329,8 @@ impl Scene {
     fn draw(&mut self, ui: &Ui, frame: &Frame, scene: &str, shown: &[&Placed<'_>], canvas: Rect) {
         let per_point = ui.pixels_per_point();
         let size = [canvas.width(), canvas.height()].map(|v| (v * per_point).round().max(1.0) as u32);
-        let names = shown.iter().map(|layer| layer.name.as_str()).collect::<Vec<_>>().join("\n");
+        let looks = shown.iter().map(|layer| (&layer.name, self.saved.clouds.get(&layer.name)));
+        let names = looks.map(|look| format!("{look:?}")).collect::<Vec<_>>().join("\n");
         let content = format!("{scene}\n{:?}\n{names}", self.saved.palette);
         let dark = ui.visuals().dark_mode;
         let key: Key = (frame.generation, self.camera(), size, self.saved.axes ^ dark, content);
@@ -365,6 +374,8 @@ impl Scene {
                 let outgrown = |known: Camera| picture.fit.distance_m > OUTGROWN * known.distance_m;
                 if picture.number > self.fit_after && self.fitted.is_none_or(outgrown) {
                     self.fitted = Some(picture.fit);
+                    // The next pass asks for the picture that is seen from there, with the ground.
+                    ui.ctx().request_repaint();
                 }
                 self.picture = Some(picture);
             }
@@ -397,7 +408,10 @@ impl Scene {
             let pose = layer.scene_from_layer;
             let content = match &layer.thing {
                 Thing::Grid(message) => Content::Grid(SameMessage((*message).clone())),
-                Thing::Cloud(message) => Content::Cloud(SameMessage((*message).clone())),
+                Thing::Cloud(message) => {
+                    let look = self.saved.clouds.get(&layer.name).cloned().unwrap_or_default();
+                    Content::Cloud(SameMessage((*message).clone()), look)
+                }
                 Thing::Entities(placed) => Content::Entities(placed.clone()),
                 Thing::Path(points) => {
                     let mut shapes = around(pose);
@@ -420,6 +434,7 @@ impl Scene {
                     }
                     Content::Made(Arc::new(shapes.finish()))
                 }
+                Thing::Nothing => continue,
             };
             layers.push(Layer { name: layer.name.clone(), content, pose });
         }
@@ -445,32 +460,22 @@ impl Scene {
     }
 }
 
-/// The age of a layer, below its name in the menu.
-fn age(ui: &mut Ui, layer: &Placed<'_>) {
-    let Some(age_s) = layer.age_s else { return };
-    let (age, tokens) = (format::age(age_s), tokens(ui));
-    let (text, color) = if layer.is_stale {
-        (format!("old: {age}"), tokens.stale)
-    } else {
-        (format!("age {age}"), tokens.weak)
-    };
-    ui.horizontal(|ui| {
-        ui.add_space(22.0);
-        ui.label(RichText::new(text).small().color(color));
-    });
-}
-
-/// What could not be read, and what is shown and old, over the picture.
+/// What could not be read or placed, and what is shown and old, over the picture.
 fn notes(ui: &mut Ui, canvas: Rect, problems: &[String], shown: &[&Placed<'_>]) {
     let note = |layer: &&Placed<'_>| Some(format!("{}: old, {}", layer.name, format::age(layer.age_s?)));
-    let old: Vec<String> = shown.iter().filter(|layer| layer.is_stale).filter_map(note).collect();
+    let is_old = |layer: &&&Placed<'_>| layer.is_stale && !matches!(layer.thing, Thing::Nothing);
+    let old: Vec<String> = shown.iter().filter(is_old).filter_map(note).collect();
+    let loose = |layer: &&Placed<'_>| {
+        layer.loose.as_ref().map(|loose| format!("{}: not drawn: {}", layer.name, loose.reason))
+    };
+    let problems: Vec<String> = problems.iter().cloned().chain(shown.iter().filter_map(loose)).collect();
     if problems.is_empty() && old.is_empty() {
         return;
     }
     let tokens = tokens(ui);
     legend::plate(ui, canvas, Align2::LEFT_TOP, |ui| {
         ui.style_mut().interaction.selectable_labels = false;
-        for (texts, color) in [(problems, tokens.warning), (old.as_slice(), tokens.stale)] {
+        for (texts, color) in [(problems.as_slice(), tokens.warning), (old.as_slice(), tokens.stale)] {
             for text in texts.iter().take(MOST_NOTES) {
                 ui.label(RichText::new(text).small().color(color));
             }

@@ -1,13 +1,14 @@
 //! What the scene draws, for the graphics processor: instances of points, lines, and boxes for the cells of grids, and
 //! the triangles of surfaces.
 
-use crate::cloud_colors::CloudColors;
+use crate::cloud_colors::Colored;
+use crate::cloud_look::CloudLook;
 use crate::map::CellColors;
 use crate::primitives::{Faces, PlacedEntities, Primitives, Solid, Width};
 use egui::Color32;
 use rcs_geom::{DVec3, Pose};
+use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::PointCloud;
-use rcs_msg::{AnyMessage, Point, points};
 use rcs_world::GridView;
 
 /// Most cells of a grid that are drawn one by one; of a larger one every second, third, … row and column.
@@ -27,6 +28,8 @@ pub(super) struct Shapes {
     origin: Option<DVec3>,
     /// x, y, z, colour.
     pub(super) points: Vec<u8>,
+    /// Side of the points, screen points.
+    pub(super) side: f32,
     /// Both ends, colour, width in points.
     pub(super) lines: Vec<u8>,
     /// Lower corner, extent, colour.
@@ -107,21 +110,15 @@ impl Shapes {
     }
 
     /// The points of a cloud.
-    pub(super) fn cloud(cloud: &PointCloud) -> Result<Self, String> {
-        let pose = crate::pose::from_message(cloud.pose.as_ref())?;
-        let read = points(cloud).map_err(|error| error.to_string())?;
-        let is_place = |p: &DVec3| crate::clip::is_place(&p.to_array());
-        let placed = read.iter().map(|point| Point { position: pose * point.position, ..point });
-        let all: Vec<Point> =
-            placed.filter(|point| point.position.is_finite() && is_place(&point.position)).collect();
-        let colors = CloudColors::of(&all);
-        let bounds = spread(all.iter().map(|point| point.position));
+    pub(super) fn cloud(cloud: &PointCloud, look: &CloudLook) -> Result<Self, String> {
+        let Colored { points, .. } = Colored::new(cloud, &Pose::IDENTITY, look.by.as_deref())?;
+        let bounds = spread(points.iter().map(|(place, _)| *place));
         let origin = bounds.map(|[low, high]| low.midpoint(high));
-        let mut shapes = Self { origin, bounds, ..Self::default() };
-        for point in &all {
-            let p = shapes.relative(point.position);
-            floats(&mut shapes.points, p);
-            shapes.points.extend(colors.at(point).to_array());
+        let mut shapes = Self { origin, bounds, side: look.side(), ..Self::default() };
+        for (place, color) in points {
+            let place = shapes.relative(place);
+            floats(&mut shapes.points, place);
+            shapes.points.extend(color.to_array());
         }
         Ok(shapes)
     }
@@ -291,8 +288,8 @@ mod tests {
 
     #[test]
     fn every_plausible_point_becomes_an_instance_and_no_other() {
-        let shapes =
-            Shapes::cloud(&samples::cloud(&[[1.0, 2.0, 3.0], [f32::NAN, 0.0, 0.0], [1e30, 0.0, 0.0]]));
+        let cloud = samples::cloud(&[[1.0, 2.0, 3.0], [f32::NAN, 0.0, 0.0], [1e30, 0.0, 0.0]]);
+        let shapes = Shapes::cloud(&cloud, &CloudLook::default());
         let shapes = shapes.unwrap();
         assert_eq!(shapes.points.len(), POINT);
         assert_eq!(shapes.bounds, Some([DVec3::new(1.0, 2.0, 3.0); 2]));
@@ -313,7 +310,7 @@ mod tests {
         let mut cloud = samples::cloud(&[[0.0, 0.0, 0.0], [0.25, 0.5, 0.75]]);
         let position = Some(foxglove::Vector3 { x: utm.x, y: utm.y, z: utm.z });
         cloud.pose = Some(foxglove::Pose { position, orientation: None });
-        let shapes = Shapes::cloud(&cloud).unwrap();
+        let shapes = Shapes::cloud(&cloud, &CloudLook::default()).unwrap();
         let last = shapes.origin() + first(&shapes.points[POINT..]);
         assert!(last.distance(utm + DVec3::new(0.25, 0.5, 0.75)) < 1e-4, "{last}");
     }
@@ -323,7 +320,8 @@ mod tests {
         let far = [[900.0, 0.0, 0.0]];
         let near: Vec<[f32; 3]> = (0..400).map(|i| [(i % 20) as f32, (i / 20) as f32, 0.0]).collect();
         let cloud = [near, far.to_vec()].concat();
-        let bounds = Shapes::cloud(&samples::cloud(&cloud)).unwrap().bounds;
+        let cloud = samples::cloud(&cloud);
+        let bounds = Shapes::cloud(&cloud, &CloudLook::default()).unwrap().bounds;
         assert_eq!(bounds, Some([DVec3::ZERO, DVec3::new(19.0, 19.0, 0.0)]));
         let mut path = Shapes::default();
         let places = (0..40).map(|i| if i == 39 { DVec3::X * 1e4 } else { DVec3::X * f64::from(i) });

@@ -5,6 +5,7 @@ use super::camera::{Camera, corners};
 use super::gpu::{Draw, Gpu, Pixels};
 use super::shapes::{Shapes, grid_pose};
 use crate::cached::SameMessage;
+use crate::cloud_look::CloudLook;
 use crate::map::CellColors;
 use crate::primitives::PlacedEntities;
 use egui::ColorImage;
@@ -22,7 +23,7 @@ use std::time::{Duration, Instant};
 /// What a layer consists of.
 pub(super) enum Content {
     Grid(SameMessage),
-    Cloud(SameMessage),
+    Cloud(SameMessage, CloudLook),
     /// In the frame of the scene.
     Entities(PlacedEntities),
     Made(Arc<Shapes>),
@@ -39,7 +40,7 @@ impl Layer {
     /// Whether it has anything to be fitted to.
     pub(super) fn has_content(&self) -> bool {
         match &self.content {
-            Content::Grid(_) | Content::Cloud(_) | Content::Entities(_) => true,
+            Content::Grid(_) | Content::Cloud(..) | Content::Entities(_) => true,
             Content::Made(shapes) => shapes.bounds.is_some(),
         }
     }
@@ -188,11 +189,11 @@ impl Drop for Worker {
 #[derive(Default)]
 struct Prepared(BTreeMap<String, (Source, MapPalette, Made)>);
 
-/// What shapes are made of, compared by identity.
+/// What shapes are made of; messages are compared by identity.
 #[derive(Clone, PartialEq)]
 enum Source {
     Grid(SameMessage),
-    Cloud(SameMessage),
+    Cloud(SameMessage, CloudLook),
     Entities(PlacedEntities),
 }
 
@@ -204,7 +205,7 @@ impl Prepared {
         let source = match &layer.content {
             Content::Made(shapes) => return Ok(Arc::clone(shapes)),
             Content::Grid(message) => Source::Grid(message.clone()),
-            Content::Cloud(message) => Source::Cloud(message.clone()),
+            Content::Cloud(message, look) => Source::Cloud(message.clone(), look.clone()),
             Content::Entities(placed) => Source::Entities(placed.clone()),
         };
         if let Some((known, of, shapes)) = self.0.get(&layer.name)
@@ -217,9 +218,9 @@ impl Prepared {
             Source::Grid(message) => {
                 CellColors::of(&message.0, palette).and_then(|colors| Shapes::grid(&message.0, &colors))
             }
-            Source::Cloud(message) => {
+            Source::Cloud(message, look) => {
                 let cloud = message.0.get::<PointCloud>().ok_or("it is no point cloud".to_owned());
-                cloud.and_then(Shapes::cloud)
+                cloud.and_then(|cloud| Shapes::cloud(cloud, look))
             }
             Source::Entities(placed) => Ok(Shapes::entities(placed)),
         };
@@ -241,7 +242,7 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
                 let pose = match &layer.content {
                     Content::Grid(message) => layer.pose * grid_pose(&message.0),
                     Content::Entities(placed) => layer.pose * Pose::from_translation(placed.anchor()),
-                    Content::Cloud(_) | Content::Made(_) => layer.pose,
+                    Content::Cloud(..) | Content::Made(_) => layer.pose,
                 };
                 let is_grid = matches!(layer.content, Content::Grid(_));
                 numbers.push(is_grid.then_some(grids));
@@ -372,7 +373,7 @@ mod tests {
         let far = [11.0, 12.0, 0.0];
         let cloud = || {
             let message = AnyMessage::new(samples::cloud(&[[11.0, 12.0, 0.05]]));
-            let content = Content::Cloud(SameMessage(message));
+            let content = Content::Cloud(SameMessage(message), CloudLook::default());
             Layer { name: "/c".to_owned(), content, pose: Pose::IDENTITY }
         };
         let point = middle(vec![cloud()], far, 200.0);

@@ -3,7 +3,7 @@
 use super::state::{SweepRow, SweepState};
 use crate::view::{ViewContext, Wish};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
-use ocu_ui::{format, tokens, widgets};
+use ocu_ui::{format, short_name, tokens, widgets};
 
 const ROW: f32 = 20.0;
 const GAP: f32 = 8.0;
@@ -37,8 +37,10 @@ pub(super) fn ui(ui: &mut Ui, cx: &mut ViewContext<'_>, state: &SweepState) {
     }
     ui.spacing_mut().item_spacing.y = 0.0;
     ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, state.rows.len(), |ui, range| {
-        for row in state.rows.get(range).unwrap_or_default() {
-            row_ui(ui, cx, row);
+        let rows = state.rows.get(range).unwrap_or_default();
+        let params: Vec<&str> = rows.iter().map(|row| row.params.as_str()).collect();
+        for row in rows {
+            row_ui(ui, cx, row, &params);
         }
     });
 }
@@ -61,7 +63,8 @@ fn places(rect: Rect) -> [Option<Rect>; 8] {
     })
 }
 
-fn row_ui(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &SweepRow) {
+/// Paints a run; `params` are the parameters of all rows that are seen.
+fn row_ui(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &SweepRow, params: &[&str]) {
     let tokens = tokens(ui);
     let size = Vec2::new(ui.available_width(), ROW);
     let (rect, response) = match &row.recording {
@@ -97,8 +100,9 @@ fn row_ui(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &SweepRow) {
             _ => tokens.text,
         };
         match place {
-            // The value is at the end.
-            Some(place) if index == 0 => widgets::cell_keep_end(ui, place, text, font.clone(), color),
+            Some(place) if index == 0 => {
+                short_name::cell(ui.painter(), place, align, text, params, &font, color);
+            }
             Some(place) => widgets::cell(ui, place, align, text, font.clone(), color),
             None => {}
         }

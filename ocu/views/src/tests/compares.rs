@@ -3,7 +3,7 @@
 use super::{Shown, harness, press_at};
 use crate::samples::{self, SIDES};
 use egui::accesskit::Role;
-use egui::{Theme, Vec2};
+use egui::{Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::Stamp;
@@ -42,6 +42,23 @@ fn both_sides_can_be_chosen_in_a_view_of_200_points() {
     let more = harness.get_by_label("More of this bar").rect();
     assert!(first.right() < second.left() && second.right() < more.left(), "{first:?} {second:?} {more:?}");
     assert!(second.width() > 60.0, "{second:?}");
+}
+
+#[test]
+fn the_line_that_says_since_when_both_differ_ends_within_a_narrow_view() {
+    let shown = Shown::new("compare", samples::compared());
+    let mut harness = harness(shown, Vec2::new(260.0, 420.0), Theme::Dark);
+    harness.run();
+    let first = harness.state().frame.comparisons[0].differences[0].buffer.clone();
+    let mut is_named = false;
+    for clipped in &harness.output().shapes {
+        let Shape::Text(text) = &clipped.shape else { continue };
+        if text.galley.text() == first {
+            is_named = true;
+            assert!(text.pos.x + text.galley.size().x <= clipped.clip_rect.right(), "{}", text.pos.x);
+        }
+    }
+    assert!(is_named, "{first}");
 }
 
 #[test]

@@ -17,15 +17,29 @@ fn a_formula_is_shown_whole_in_a_narrow_view() {
     harness.run();
     let remove = harness.get_by_label(&format!("Remove {formula}")).rect();
     assert!((0.0..=200.0).contains(&remove.right()), "{remove:?}");
-    let is_whole = harness.output().shapes.iter().any(|clipped| match &clipped.shape {
+    assert!(is_whole(&harness, formula));
+}
+
+/// Whether a text is painted, nothing of it is cut off, and it lies within what is seen.
+fn is_whole(harness: &Harness<'_, Shown>, whole: &str) -> bool {
+    harness.output().shapes.iter().any(|clipped| match &clipped.shape {
         egui::Shape::Text(text) => {
             let place = clipped.shape.visual_bounding_rect();
             let is_seen = !text.galley.elided && clipped.clip_rect.contains_rect(place);
-            text.galley.text() == formula && is_seen
+            text.galley.text() == whole && is_seen
         }
         _ => false,
-    });
-    assert!(is_whole);
+    })
+}
+
+#[test]
+fn the_reason_why_a_condition_has_no_value_is_shown_whole_in_a_narrow_view() {
+    let mut shown = Shown::new("conditions", samples::full());
+    let condition = serde_json::json!({ "formula": "/a/buffer/of/nobody.faults > 0", "stops": true });
+    shown.view.load(&serde_json::json!({ "conditions": [condition] })).unwrap();
+    let mut harness = harness(shown, Vec2::new(200.0, 300.0), Theme::Dark);
+    harness.run();
+    assert!(is_whole(&harness, "there is no buffer /a/buffer/of/nobody"));
 }
 
 #[test]

@@ -72,6 +72,8 @@ fn a_value_that_was_refused_is_told_until_its_text_changes() {
     harness.key_press(egui::Key::Enter);
     harness.run();
     assert!(tells(&harness, "expected a whole number") && !tells(&harness, "in the past"));
+    let is_focused = harness.get_by_label("New value of .cycle").is_focused();
+    assert!(is_focused, "what is typed next is no key of the window");
     type_text(&mut harness, "d");
     assert!(!tells(&harness, "expected a whole number") && tells(&harness, "in the past"));
 }

@@ -26,7 +26,12 @@ fn other_state(kind: &str) -> SavedState {
         "map" => json!({
             "frame": "odom",
             "palette": "even",
-            "layers": { "/wm1/map": { "shown": false, "opacity": 0.5, "shade": "ground.mean" } },
+            "layers": { "/wm1/map": {
+                "shown": false,
+                "opacity": 0.5,
+                "shade": "ground.mean",
+                "cloud": { "by": "intensity", "point_size": 4 },
+            } },
             "align": false,
             "panel": false,
             "viewport": viewport(true),
@@ -45,6 +50,7 @@ fn other_state(kind: &str) -> SavedState {
             "axes": false,
             "palette": "even",
             "layers": { "/wm1/map": false },
+            "clouds": { "/lidar/points": { "by": "intensity", "point_size": 4 } },
         }),
         "buffers" => json!({
             "search": "map",

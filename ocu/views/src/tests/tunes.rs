@@ -462,6 +462,15 @@ fn a_narrow_tile_shows_the_number_of_a_command_that_is_to_be_sent_and_of_the_one
     }
 }
 
+#[test]
+fn all_lines_of_buttons_begin_at_one_place_in_a_narrow_tile() {
+    let shown = view("tuning", &serde_json::json!({}), 1.0);
+    let mut harness = harness(shown, Vec2::new(215.0, 400.0), Theme::Dark);
+    harness.run();
+    let lefts = ["  Send", "  Undo", "  Save…"].map(|name| harness.get_by_label_contains(name).rect().left());
+    assert_eq!(lefts, [lefts[0]; 3]);
+}
+
 fn preview(process: &str, stage: PreviewStage) -> Preview {
     let params = AnyMessage::new(SpeedLimit { max_speed_mps: 1.0 });
     Preview { process: process.into(), run: RunTag::FIRST, before: params.clone(), params, stage }

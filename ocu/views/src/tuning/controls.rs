@@ -271,7 +271,9 @@ fn control(ui: &mut Ui, row: &Row<'_>, value: &Value, refusal: Id) -> Option<(St
         }
         Value::Enum { name, .. } => {
             let mut chosen = None;
-            let combo = egui::ComboBox::from_id_salt(&row.path).selected_text(name).width(140.0);
+            // A wider one would widen the rows below, whose controls would begin elsewhere.
+            let width = ui.available_width().min(140.0);
+            let combo = egui::ComboBox::from_id_salt(&row.path).selected_text(name).width(width).truncate();
             let combo = combo.show_ui(ui, |ui| {
                 for (_, choice) in &spec.choices {
                     if ui.selectable_label(choice == name, choice).clicked() {
@@ -407,6 +409,41 @@ mod tests {
         let harness = rows();
         let left = |path: &str| harness.get_by_role_and_label(Role::Slider, path).rect().left();
         assert_eq!(left("weight"), left("group.weight"));
+    }
+
+    #[test]
+    fn a_choice_with_a_long_name_moves_no_control_below_it() {
+        let spec = |name: &str, kind: ParamKind| spec(name, kind, Vec::new());
+        let specs = [
+            spec("above", ParamKind::Number),
+            spec("kind", ParamKind::Choice),
+            spec("below", ParamKind::Number),
+        ];
+        let choice = Value::Enum { number: 1, name: "SOURCE_RANGE".to_owned() };
+        let values = [Value::Float(0.5), choice, Value::Float(0.5)];
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(500.0, 200.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(move |ui| {
+                ui.set_max_width(NARROW + 8.0);
+                let now = Value::Message(Vec::new());
+                let (mut edits, mut let_go) = (Vec::new(), false);
+                let mut rows = Rows {
+                    search: "",
+                    now: &now,
+                    given: None,
+                    counting: None,
+                    is_replaced: false,
+                    edits: &mut edits,
+                    let_go: &mut let_go,
+                };
+                for (spec, value) in specs.iter().zip(&values) {
+                    rows.ui(ui, &Row { spec, path: spec.name.clone(), value: Some(value) }, 0);
+                }
+            });
+        harness.run();
+        let left = |path: &str| harness.get_by_label(path).rect().left();
+        assert_eq!(left("above"), left("below"));
     }
 
     #[test]

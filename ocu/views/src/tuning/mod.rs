@@ -296,8 +296,9 @@ fn actions(
     let is_sending = draft.is_sending(in_force);
     let now_s = ui.input(|input| input.time);
     ui.add_space(4.0);
-    ui.horizontal_wrapped(|ui| {
-        ui.add_space(8.0);
+    // A margin, so that all lines of them begin at one place.
+    let margin = egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 0));
+    let row = |ui: &mut Ui| {
         let can = refused.is_none() && draft.is_changed() && !is_sending;
         let text = match draft.count() {
             _ if is_sending => "Sending…".to_owned(),
@@ -351,7 +352,8 @@ fn actions(
         if at_once {
             ui.label(RichText::new("sends at once").small().color(tokens(ui).warning));
         }
-    });
+    };
+    margin.show(ui, |ui| ui.horizontal_wrapped(row));
 }
 
 /// Keeps what is shown as A or B, or switches to what was kept: it is sent, or shown where nothing can be sent.

@@ -265,6 +265,9 @@ impl Topics {
         let true_map = TRUE_MAP.one(log, job.true_map.as_ref())?;
         let true_pose = TRUE_POSE.one(log, job.true_pose.as_ref())?;
         let map = MAP.one(log, job.map.as_ref())?;
+        if map == true_map {
+            return Err(taken_twice(log, map, "the true map and as the map"));
+        }
         let mut parts: BTreeMap<TopicId, Part> =
             [(true_map, Part::TrueMap), (true_pose, Part::TruePose), (map, Part::Map)].into();
         // Any pose in the frame of the maps will do; poses of other frames are skipped one by one.
@@ -276,11 +279,20 @@ impl Topics {
             let Need { what, option, .. } = POSE;
             return Err(EvalError::refused(format!("the recording has no {what}; expected {option}")));
         }
+        if poses.iter().all(|pose| pose.id == true_pose) {
+            return Err(taken_twice(log, true_pose, "the true pose and as the pose of the vehicle"));
+        }
         for pose in poses {
             parts.entry(pose.id).or_insert(Part::Pose);
         }
         Ok(Topics { parts, frame: frame_of(log, map)? })
     }
+}
+
+/// The error for a topic that was named for two parts.
+fn taken_twice(log: &Log, topic: TopicId, parts: &str) -> EvalError {
+    let name = log.info().topic(topic).map_or("", |topic| topic.name.as_str());
+    EvalError::refused(format!("got {name} as {parts}, expected two topics"))
 }
 
 /// Frame of the first map of a topic.

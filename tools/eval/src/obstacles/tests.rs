@@ -268,6 +268,14 @@ fn a_topic_without_messages_is_no_candidate_and_one_of_another_type_is_refused()
         "--pose: /wm1/map holds \"foxglove.Grid\", expected foxglove.Odometry or foxglove.PoseInFrame"
     );
     assert_eq!(refused(Job { true_map: named("/x"), ..Job::default() }), "the recording has no topic /x");
+    assert_eq!(
+        refused(Job { true_map: named("/wm1/map"), ..Job::default() }),
+        "got /wm1/map as the true map and as the map, expected two topics"
+    );
+    assert_eq!(
+        refused(Job { true_pose: named("/pose"), ..Job::default() }),
+        "got /pose as the true pose and as the pose of the vehicle, expected two topics"
+    );
     let empty = refused(Job { map: named("/map_memory/cost"), ..Job::default() });
     assert_eq!(empty, "/map_memory/cost has no messages, expected maps");
     let log = recorded(&folder.path().join("two.mcap"), &[("/wm1/map", 1), ("/wm2/map", 2)]);

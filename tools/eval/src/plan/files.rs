@@ -60,8 +60,12 @@ pub(super) fn read_map(path: &Path) -> Result<CostGrid, EvalError> {
         let mut words = line.split_whitespace();
         match (words.next(), words.next()) {
             (Some("type"), Some("octile")) | (None, _) => {}
-            (Some("width"), Some(value)) => width = Some(side(&file, number, "width", value)?),
-            (Some("height"), Some(value)) => height = Some(side(&file, number, "height", value)?),
+            (Some(name @ ("width" | "height")), Some(value)) => {
+                let known = if name == "width" { &mut width } else { &mut height };
+                if known.replace(side(&file, number, name, value)?).is_some() {
+                    return Err(file.error(number, &format!("{name} is given again, expected it once")));
+                }
+            }
             (Some("map"), None) => break,
             _ => {
                 let expected = "\"type octile\", \"height <rows>\", \"width <columns>\" or \"map\"";

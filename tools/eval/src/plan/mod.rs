@@ -9,7 +9,7 @@ mod files;
 use crate::EvalError;
 use files::{Scenario, read_map, read_scenarios};
 use rcs_planner::costs::{BLOCKED, CostGrid};
-use rcs_planner::search::{NoPath, Path as Found, Search};
+use rcs_planner::search::{NoPath, Path as Found, STRAIGHT, Search};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -59,7 +59,8 @@ pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
         let start = Instant::now();
         let result = find(&mut search, &map, scenario, &mut found);
         times_ms.push(start.elapsed().as_secs_f64() * 1e3);
-        lengths.push(result.is_ok().then_some((found.cost, scenario.optimal)));
+        let is_solved = is_solved(result, job.scenarios, scenario.line)?;
+        lengths.push(is_solved.then_some((found.cost, scenario.optimal)));
     }
     times_ms.sort_by(f64::total_cmp);
     let solved = || lengths.iter().flatten();
@@ -98,6 +99,20 @@ fn find(search: &mut Search, map: &CostGrid, scenario: &Scenario, found: &mut Fo
         return Err(NoPath::NotConnected);
     }
     search.path(map, scenario.start, scenario.goal, 1, found)
+}
+
+/// Whether a search found a path for the scenario of this line; an error where it ended before it knew.
+fn is_solved(result: Result<(), NoPath>, file: &Path, line: usize) -> Result<bool, EvalError> {
+    match result {
+        Ok(()) => Ok(true),
+        Err(NoPath::TooDear) => Err(EvalError::refused(format!(
+            "{}, line {line}: no path of up to about {} cells leads to the goal, and longer ones cannot be searched; \
+             expected a scenario with a shorter one",
+            file.display(),
+            u32::MAX / STRAIGHT
+        ))),
+        Err(_) => Ok(false),
+    }
 }
 
 /// Ratio of the lengths; a path from a cell to itself has none, and counts as 1.

@@ -38,6 +38,14 @@ fn a_scenario_that_no_path_solves_is_not_solved() {
 }
 
 #[test]
+fn a_search_that_ends_before_it_knows_is_refused_with_its_line() {
+    let solved = |result| is_solved(result, Path::new("/a.scen"), 7).map_err(|error| error.to_string());
+    assert_eq!((solved(Ok(())), solved(Err(NoPath::NotConnected))), (Ok(true), Ok(false)));
+    let error = solved(Err(NoPath::TooDear)).unwrap_err();
+    assert!(error.starts_with("/a.scen, line 7: no path of up to about 10"), "{error}");
+}
+
+#[test]
 fn bad_files_are_refused_with_their_line() {
     let map = |from: &str, to: &str| evaluated(&MAP.replacen(from, to, 1), SCENARIOS).unwrap_err();
     let scen = |from: &str, to: &str| evaluated(MAP, &SCENARIOS.replacen(from, to, 1)).unwrap_err();
@@ -46,6 +54,8 @@ fn bad_files_are_refused_with_their_line() {
         (map("height 3", "height -3"), "/a.map, line 2: height is \"-3\", expected a whole number from 1 to"),
         (map("width 4", "width 999999999999"), "/a.map, line 3: width is"),
         (map("width 4\n", ""), "/a.map, line 1: the head of the file has no width"),
+        (map("map\n", "width 4\nmap\n"), "/a.map, line 4: width is given again, expected it once"),
+        (map("width 4", "height 3"), "/a.map, line 3: height is given again, expected it once"),
         (map(".T..", ".T."), "/a.map, line 6: row 1 has 3 cells, expected 4"),
         (map(".T..", ".x.."), "/a.map, line 6: cell 1 of row 1 is 'x', expected free"),
         (map("G..S\n", ""), "/a.map, line 6: the file ends here, expected 3 rows of cells, got 2"),
