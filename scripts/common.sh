@@ -6,7 +6,7 @@ cache="${XDG_CACHE_HOME:-${HOME:-/root}/.cache}/ocu"
 # One build folder outside of the checkout, so that several checkouts share build results.
 export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$cache/target}"
 # What an incremental build makes is about a tenth slower, and a part of it that an interruption left may link with nothing
-# any more. Cargo builds all of the workspace again where this changes, so all scripts have the same.
+# any more. Cargo keeps a second build of the workspace where this differs, so all scripts have the same.
 export CARGO_INCREMENTAL="${CARGO_INCREMENTAL:-0}"
 
 # Window tests need a Vulkan driver; a window also needs the X11 and OpenGL libraries that egui and wgpu load at run
