@@ -95,6 +95,7 @@ impl PinholeCamera {
     /// Projects a point in the optical frame (metres) to a pixel. `None` for a point behind the camera or outside of
     /// the range in which the lens model is valid. The pixel may lie outside of the image: see
     /// [`PinholeCamera::contains`].
+    #[inline]
     pub fn project(&self, p_optical: DVec3) -> Option<DVec2> {
         if !p_optical.is_finite() || p_optical.z <= 1e-9 {
             return None;

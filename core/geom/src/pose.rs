@@ -95,6 +95,7 @@ impl Pose {
     }
 
     /// Rotates a direction of B into A, without the translation.
+    #[inline]
     pub fn rotate(&self, vector: DVec3) -> DVec3 {
         self.rotation * vector
     }
@@ -153,6 +154,7 @@ impl Mul for Pose {
 impl Mul<DVec3> for Pose {
     type Output = DVec3;
 
+    #[inline]
     fn mul(self, p_b: DVec3) -> DVec3 {
         self.rotation * p_b + self.translation
     }

@@ -79,9 +79,29 @@ pub struct ScrollGrid<T> {
     side: usize,
     cell_size_m: f64,
     centre: CellIndex,
+    /// Follows from the centre, so that a cell is found without a division.
+    #[serde(skip)]
+    corner: Corner,
     fill: T,
     /// Tiles by rows; each tile holds its cells by rows; positions from `side` on are padding.
     tiles: Vec<Arc<[T]>>,
+}
+
+/// The south-west cell of the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Corner {
+    cell: CellIndex,
+    /// Column and row where it is stored: its index mod the side.
+    stored: [usize; 2],
+}
+
+impl Corner {
+    fn of(side: usize, centre: CellIndex) -> Corner {
+        let half = (side / 2) as i64;
+        let cell = centre.offset(-half, -half);
+        let stored = [cell.x, cell.y].map(|index| index.rem_euclid(side as i64) as usize);
+        Corner { cell, stored }
+    }
 }
 
 /// A deserialised [`ScrollGrid`] before its numbers are checked.
@@ -106,7 +126,8 @@ impl<T: Clone> TryFrom<Saved<T>> for ScrollGrid<T> {
             return Err(GridError::Cells { side, got, expected });
         }
         let tiles = tiles.into_iter().map(Arc::from).collect();
-        Ok(ScrollGrid { side, cell_size_m, centre: bounded(centre), fill, tiles })
+        let centre = bounded(centre);
+        Ok(ScrollGrid { side, cell_size_m, centre, corner: Corner::of(side, centre), fill, tiles })
     }
 }
 
@@ -116,7 +137,8 @@ impl<T: Clone> ScrollGrid<T> {
         check(side, cell_size_m)?;
         let tile: Arc<[T]> = vec![fill.clone(); TILE * TILE].into();
         let tiles = vec![tile; side.div_ceil(TILE).pow(2)];
-        Ok(ScrollGrid { side, cell_size_m, centre: CellIndex::default(), fill, tiles })
+        let centre = CellIndex::default();
+        Ok(ScrollGrid { side, cell_size_m, centre, corner: Corner::of(side, centre), fill, tiles })
     }
 
     /// Cells per side.
@@ -136,22 +158,20 @@ impl<T: Clone> ScrollGrid<T> {
 
     /// The cells of the window.
     pub fn bounds(&self) -> CellRect {
-        let half = (self.side / 2) as i64;
-        CellRect { south_west: self.centre.offset(-half, -half), columns: self.side, rows: self.side }
+        CellRect { south_west: self.corner.cell, columns: self.side, rows: self.side }
     }
 
     /// World position of the south-west corner of the window (the corner of its corner cell, not the middle), metres.
     pub fn origin(&self) -> DVec2 {
-        let CellIndex { x, y } = self.bounds().south_west;
+        let CellIndex { x, y } = self.corner.cell;
         DVec2::new(x as f64, y as f64) * self.cell_size_m
     }
 
     /// The cell of a world position (metres), inside or outside of the window. `None` for a position that is not finite
     /// or too far from the origin to distinguish cells.
     pub fn cell_at(&self, p_world: DVec2) -> Option<CellIndex> {
-        let cell = (p_world / self.cell_size_m).floor();
-        let limit = LIMIT as f64;
-        (cell.x.abs() <= limit && cell.y.abs() <= limit).then(|| CellIndex::new(cell.x as i64, cell.y as i64))
+        let cells = p_world / self.cell_size_m;
+        Some(CellIndex::new(floor(cells.x)?, floor(cells.y)?))
     }
 
     /// World position of the middle of a cell, metres.
@@ -161,7 +181,7 @@ impl<T: Clone> ScrollGrid<T> {
 
     /// Whether the cell lies in the window.
     pub fn contains(&self, cell: CellIndex) -> bool {
-        self.bounds().contains(cell)
+        self.stored(cell).is_some()
     }
 
     /// A cell, or `None` outside of the window.
@@ -195,7 +215,7 @@ impl<T: Clone> ScrollGrid<T> {
         mut remembered: impl FnMut(CellIndex) -> T,
     ) -> Exposed {
         let before = self.bounds();
-        self.centre = bounded(centre);
+        self.set_centre(centre);
         let exposed = Exposed::between(&before, &self.bounds());
         self.write_rect(&exposed.columns, &mut remembered);
         self.write_rect(&exposed.rows, &mut remembered);
@@ -204,20 +224,22 @@ impl<T: Clone> ScrollGrid<T> {
 
     /// Writes cells of the window tile by tile, so that each tile is looked up and unshared once.
     fn write_rect(&mut self, rect: &CellRect, value: &mut impl FnMut(CellIndex) -> T) {
-        let tiles_a_side = self.side.div_ceil(TILE);
         let mut row = 0;
         while row < rect.rows {
-            let (py, height) = self.run(rect.south_west.y.saturating_add(row as i64), rect.rows - row);
             let mut column = 0;
+            let mut height = 1;
             while column < rect.columns {
-                let (px, width) =
-                    self.run(rect.south_west.x.saturating_add(column as i64), rect.columns - column);
-                let Some(tile) = self.tiles.get_mut(py / TILE * tiles_a_side + px / TILE) else { return };
+                let first = rect.south_west.offset(column as i64, row as i64);
+                let Some([px, py]) = self.stored(first) else { return };
+                height = self.run(py, rect.rows - row);
+                let width = self.run(px, rect.columns - column);
+                let number = self.tile_number(px, py);
+                let Some(tile) = self.tiles.get_mut(number) else { return };
                 let cells = Arc::make_mut(tile);
                 for dy in 0..height {
                     let start = (py % TILE + dy) * TILE + px % TILE;
                     for (dx, cell) in cells[start..start + width].iter_mut().enumerate() {
-                        *cell = value(rect.south_west.offset((column + dx) as i64, (row + dy) as i64));
+                        *cell = value(first.offset(dx as i64, dy as i64));
                     }
                 }
                 column += width;
@@ -226,11 +248,9 @@ impl<T: Clone> ScrollGrid<T> {
         }
     }
 
-    /// Storage index of a coordinate, and how many of at most `wanted` coordinates follow it in the same tile without
-    /// wrapping.
-    fn run(&self, coordinate: i64, wanted: usize) -> (usize, usize) {
-        let at = coordinate.rem_euclid(self.side as i64) as usize;
-        (at, (TILE - at % TILE).min(self.side - at).min(wanted))
+    /// How many of at most `wanted` columns (or rows) from this one on are stored one after another in its tile.
+    fn run(&self, stored: usize, wanted: usize) -> usize {
+        (TILE - stored % TILE).min(self.side - stored).min(wanted)
     }
 
     /// Sets all cells to `fill`; the window does not move.
@@ -248,17 +268,18 @@ impl<T: Clone> ScrollGrid<T> {
     /// Calls `visit` with all cells in the order of [`ScrollGrid::iter`], in runs of neighbours of one row: the
     /// position of the first cell in that order, its index, and the cells. Much faster than cell by cell.
     pub fn for_each_run(&self, mut visit: impl FnMut(usize, CellIndex, &[T])) {
-        let bounds = self.bounds();
+        let Corner { cell: corner, stored: [first_px, first_py] } = self.corner;
         for row in 0..self.side {
-            let start = bounds.south_west.offset(0, row as i64);
-            let mut column = 0;
+            let py = self.wrapped(first_py + row);
+            let (mut px, mut column) = (first_px, 0);
             while column < self.side {
-                let cell = start.offset(column as i64, 0);
-                let Some((tile, at)) = self.place(cell) else { break };
-                let (_, run) = self.run(cell.x, self.side - column);
-                let Some(cells) = self.tiles.get(tile).and_then(|t| t.get(at..at + run)) else { break };
-                visit(row * self.side + column, cell, cells);
+                let run = self.run(px, self.side - column);
+                let at = py % TILE * TILE + px % TILE;
+                let tile = self.tiles.get(self.tile_number(px, py));
+                let Some(cells) = tile.and_then(|cells| cells.get(at..at + run)) else { return };
+                visit(row * self.side + column, corner.offset(column as i64, row as i64), cells);
                 column += run;
+                px = self.wrapped(px + run);
             }
         }
     }
@@ -267,16 +288,18 @@ impl<T: Clone> ScrollGrid<T> {
     /// equals that of the run of [`ScrollGrid::for_each_run`] in any grid of this shape and window. Empty outside of
     /// the window.
     pub fn run_from(&self, cell: CellIndex, count: usize) -> &[T] {
-        let Some((tile, at)) = self.place(cell) else { return &[] };
-        let (_, run) = self.run(cell.x, count);
-        self.tiles.get(tile).and_then(|cells| cells.get(at..at + run)).unwrap_or(&[])
+        let Some([px, py]) = self.stored(cell) else { return &[] };
+        let at = py % TILE * TILE + px % TILE;
+        let run = at..at + self.run(px, count);
+        self.tiles.get(self.tile_number(px, py)).and_then(|cells| cells.get(run)).unwrap_or(&[])
     }
 
     /// A grid with the same shape and window, in which every cell is `fill`.
     pub fn like<U: Clone>(&self, fill: U) -> ScrollGrid<U> {
         let tile: Arc<[U]> = vec![fill.clone(); TILE * TILE].into();
         let tiles = vec![tile; self.tiles.len()];
-        ScrollGrid { side: self.side, cell_size_m: self.cell_size_m, centre: self.centre, fill, tiles }
+        let &Self { side, cell_size_m, centre, corner, .. } = self;
+        ScrollGrid { side, cell_size_m, centre, corner, fill, tiles }
     }
 
     /// A copy of all cells in the order of [`ScrollGrid::iter`].
@@ -318,11 +341,9 @@ impl<T: Clone> ScrollGrid<T> {
         if x >= self.side || y >= self.side || at >= TILE * TILE {
             return None;
         }
-        let CellIndex { x: west, y: south } = self.bounds().south_west;
-        let behind = |at: usize, first: i64| {
-            (at as i64 - first.rem_euclid(self.side as i64)).rem_euclid(self.side as i64)
-        };
-        Some(CellIndex::new(west, south).offset(behind(x, west), behind(y, south)))
+        let Corner { cell, stored } = self.corner;
+        let behind = |at: usize, first: usize| if at < first { at + self.side - first } else { at - first };
+        Some(cell.offset(behind(x, stored[0]) as i64, behind(y, stored[1]) as i64))
     }
 
     /// Cells of a tile, to write; empty if there is no such tile. The call copies the tile if a clone shares it.
@@ -334,18 +355,40 @@ impl<T: Clone> ScrollGrid<T> {
     /// original's.
     pub fn set_centre(&mut self, centre: CellIndex) {
         self.centre = bounded(centre);
+        self.corner = Corner::of(self.side, self.centre);
     }
 
     /// Tile of a cell and index within it.
     fn place(&self, cell: CellIndex) -> Option<(usize, usize)> {
-        if !self.contains(cell) {
-            return None;
-        }
-        let side = self.side as i64;
-        let (px, py) = (cell.x.rem_euclid(side) as usize, cell.y.rem_euclid(side) as usize);
-        let tile = py / TILE * self.side.div_ceil(TILE) + px / TILE;
-        Some((tile, py % TILE * TILE + px % TILE))
+        let [px, py] = self.stored(cell)?;
+        Some((self.tile_number(px, py), py % TILE * TILE + px % TILE))
     }
+
+    /// Column and row where a cell is stored, `None` outside of the window.
+    fn stored(&self, cell: CellIndex) -> Option<[usize; 2]> {
+        let Corner { cell: corner, stored: [first_px, first_py] } = self.corner;
+        // The corner is far from the limits of its type, so that only cells of the window have such a difference.
+        let [column, row] = [cell.x.wrapping_sub(corner.x), cell.y.wrapping_sub(corner.y)];
+        let within = |offset: i64| (offset as u64) < self.side as u64;
+        (within(column) && within(row))
+            .then(|| [self.wrapped(first_px + column as usize), self.wrapped(first_py + row as usize)])
+    }
+
+    /// The column or row of this number, less the side if it is not below that.
+    fn wrapped(&self, number: usize) -> usize {
+        if number < self.side { number } else { number - self.side }
+    }
+
+    fn tile_number(&self, px: usize, py: usize) -> usize {
+        py / TILE * self.side.div_ceil(TILE) + px / TILE
+    }
+}
+
+/// Rounds down; `None` beyond [`LIMIT`], and for what is no number. The instruction for it is not on every processor.
+fn floor(value: f64) -> Option<i64> {
+    let towards_zero = value as i64;
+    let floor = towards_zero.saturating_sub(i64::from(towards_zero as f64 > value));
+    (!value.is_nan() && floor.unsigned_abs() <= LIMIT as u64).then_some(floor)
 }
 
 fn check(side: usize, cell_size_m: f64) -> Result<(), GridError> {

@@ -247,7 +247,9 @@ impl<'a> Rows<'a> {
     /// A number of each group of `N` bytes, row by row.
     fn values<const N: usize, T>(&self, number: impl Fn([u8; N]) -> T) -> Vec<T> {
         let mut values = Vec::with_capacity(self.width * self.height);
-        self.pixels(|bytes| values.push(number(bytes)));
+        for row in self.each() {
+            values.extend(row.as_chunks::<N>().0.iter().map(|bytes| number(*bytes)));
+        }
         values
     }
 

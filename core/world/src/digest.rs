@@ -10,6 +10,7 @@ use rcs_msg::foxglove::Grid;
 use rcs_msg::prost::{Message as _, length_delimiter_len};
 use rcs_msg::{AnyMessage, Digest, Digester};
 
+use crate::layout::CellWriter;
 use crate::{Map, MapMessage, MapOptions};
 
 type Hash = [u8; 32];
@@ -46,10 +47,11 @@ impl MapDigester {
         let written =
             last.map_or_else(|| (0..count).collect(), |last| message.tiles_written_since(last.map()));
         self.hashes.resize(count, Hash::default());
+        let mut writer = CellWriter::new(map, options);
         let mut bytes = Vec::new();
         for tile in written {
             bytes.clear();
-            map.put_tile(tile, options, &mut bytes);
+            map.put_tile(tile, &mut writer, &mut bytes);
             self.hashes[tile] = *blake3::hash(&bytes).as_bytes();
         }
         self.last = Some(message.clone());

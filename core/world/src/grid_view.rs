@@ -352,8 +352,14 @@ impl Field<'_> {
         }
         bytes.reserve(self.grid.columns * self.grid.rows);
         match (&self.grid.cells, self.place) {
-            (Cells::Bytes { .. }, FieldLocation::Offset(offset)) => {
-                bytes.extend(self.grid.bytes().map(|cell| cell.get(offset).copied().unwrap_or_default()));
+            (&Cells::Bytes { row_stride, cell_stride, data }, FieldLocation::Offset(offset)) => {
+                bytes.resize(self.grid.columns * self.grid.rows, 0);
+                let rows = data.chunks_exact(row_stride).zip(bytes.chunks_exact_mut(self.grid.columns));
+                for (row, bytes) in rows {
+                    for (byte, cell) in bytes.iter_mut().zip(row.chunks_exact(cell_stride)) {
+                        *byte = cell[offset];
+                    }
+                }
             }
             (Cells::Map(message), FieldLocation::Column(Column::FusedCost)) => {
                 message.each_cost(|cost| bytes.push(cost));

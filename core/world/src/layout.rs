@@ -91,43 +91,22 @@ impl Map {
         let side = self.side();
         let mut data = vec![0; side * side * cell_stride];
         let mut places = data.chunks_exact_mut(cell_stride);
-        let layers: Vec<_> = options.sources.iter().map(|source| self.layer_number(source)).collect();
-        let mut evidence = vec![Evidence::NONE; layers.len()];
-        // Most cells are unknown, and all of these have the same bytes.
-        let mut unknown = vec![0; cell_stride];
-        write(&mut unknown, &Cell::default(), &evidence, &Fused::UNKNOWN, options);
+        let mut writer = CellWriter::new(self, options);
         // Fused cells are computed in the order of the message.
         self.for_each_cell(&options.weights, |_, cell, said, fused| {
-            let is_unknown =
-                *cell == Cell::default() && said.iter().all(|evidence| *evidence == Evidence::NONE);
-            if is_unknown {
-                if let Some(place) = places.next() {
-                    place.copy_from_slice(&unknown);
-                }
-                return;
-            }
-            for (evidence, &layer) in evidence.iter_mut().zip(&layers) {
-                *evidence = layer.map_or(Evidence::NONE, |layer| said[layer]);
-            }
             if let Some(place) = places.next() {
-                write(place, cell, &evidence, &fused, options);
+                writer.write(place, cell, said, &fused);
             }
         });
         Grid { data: Bytes::from(data), ..self.empty_grid(frame_id, time, fields, cell_stride) }
     }
 
     /// Adds the cells of a tile as they are in the message, in the order in which they are stored.
-    pub(crate) fn put_tile(&self, tile: usize, options: &MapOptions, bytes: &mut Vec<u8>) {
-        let (_, cell_stride) = fields(options);
-        let layers: Vec<_> = options.sources.iter().map(|source| self.layer_number(source)).collect();
-        let mut evidence = vec![Evidence::NONE; layers.len()];
-        self.for_each_in_tile(tile, &options.weights, |cell, said, fused| {
-            for (evidence, &layer) in evidence.iter_mut().zip(&layers) {
-                *evidence = layer.map_or(Evidence::NONE, |layer| said[layer]);
-            }
+    pub(crate) fn put_tile(&self, tile: usize, writer: &mut CellWriter<'_>, bytes: &mut Vec<u8>) {
+        self.for_each_in_tile(tile, &writer.options.weights, |cell, said, fused| {
             let place = bytes.len();
-            bytes.resize(place + cell_stride, 0);
-            write(&mut bytes[place..], cell, &evidence, &fused, options);
+            bytes.resize(place + writer.unknown.len(), 0);
+            writer.write(&mut bytes[place..], cell, said, &fused);
         });
     }
 
@@ -205,6 +184,40 @@ impl Map {
             }
         }
         Ok(map)
+    }
+}
+
+/// Writes cells of a map as they are in its message.
+pub(crate) struct CellWriter<'a> {
+    options: &'a MapOptions,
+    /// The place of each source of the message in the order of first votes.
+    layers: Vec<Option<usize>>,
+    /// What each source of the message says of the cell.
+    evidence: Vec<Evidence>,
+    /// The bytes of an unknown cell, which most are.
+    unknown: Vec<u8>,
+}
+
+impl<'a> CellWriter<'a> {
+    pub(crate) fn new(map: &Map, options: &'a MapOptions) -> Self {
+        let layers: Vec<_> = options.sources.iter().map(|source| map.layer_number(source)).collect();
+        let evidence = vec![Evidence::NONE; layers.len()];
+        let mut unknown = vec![0; fields(options).1];
+        write(&mut unknown, &Cell::default(), &evidence, &Fused::UNKNOWN, options);
+        Self { options, layers, evidence, unknown }
+    }
+
+    /// Writes a cell to its place. `said` is what each source says of it, in the order of first votes.
+    fn write(&mut self, place: &mut [u8], cell: &Cell, said: &[Evidence], fused: &Fused) {
+        let is_unknown = *cell == Cell::default() && said.iter().all(|evidence| *evidence == Evidence::NONE);
+        if is_unknown {
+            place.copy_from_slice(&self.unknown);
+            return;
+        }
+        for (evidence, &layer) in self.evidence.iter_mut().zip(&self.layers) {
+            *evidence = layer.map_or(Evidence::NONE, |layer| said[layer]);
+        }
+        write(place, cell, &self.evidence, fused, self.options);
     }
 }
 

@@ -194,20 +194,22 @@ impl Map {
         }
         let layer = self.layer_mut(source);
         let mut changed = Vec::new();
-        for (index, now) in bounds.iter().zip(stated).filter(|(index, _)| window.contains(*index)) {
-            let held = layer.get(index).copied().unwrap_or_default();
-            let same_but_model = (Evidence { sequence: held.sequence, model: held.model, ..now }) == held;
-            if same_but_model && now.model == held.model {
-                continue;
+        layer.for_each_run(|at, first, held| {
+            for (column, (held, now)) in held.iter().zip(&stated[at..]).enumerate() {
+                let index = first.offset(column as i64, 0);
+                if (Evidence { sequence: held.sequence, ..*now }) != *held && window.contains(index) {
+                    let same_but_model =
+                        Evidence { sequence: held.sequence, model: held.model, ..*now } == *held;
+                    changed.push((index, *now, same_but_model));
+                }
             }
+        });
+        for &(index, now, _) in &changed {
             if let Some(evidence) = layer.get_mut(index) {
                 *evidence = now;
             }
-            if !same_but_model {
-                changed.push(index);
-            }
         }
-        for index in changed {
+        for (index, ..) in changed.into_iter().filter(|(.., same_but_model)| !same_but_model) {
             self.touch(index, time);
         }
     }
@@ -297,10 +299,12 @@ impl Map {
             if self.grid.cell_in(tile, at).is_none() {
                 continue;
             }
+            let mut is_known = false;
             for (said, layer) in said.iter_mut().zip(&tiles) {
                 *said = layer.get(at).copied().unwrap_or_default();
+                is_known |= said.confidence > 0;
             }
-            let fused = fuser.fuse(|layer| said[layer]);
+            let fused = if is_known { fuser.fuse(|layer| said[layer]) } else { Fused::UNKNOWN };
             visit(cell, &said, fused);
         }
     }

@@ -223,20 +223,31 @@ impl CostMap {
     /// `blue` with `alpha` 255, or four zeros without colours (u8).
     pub fn to_grid(&self, frame_id: &str, time: Stamp) -> Grid {
         let mut data = Vec::with_capacity(self.cells.len() * CELL_STRIDE);
+        // Most cells have no pixels, and all of these have the same bytes.
+        let mut none = Vec::new();
+        self.put(&Cell::NONE, 0.0, &mut none);
         for (at, cell) in self.cells.iter().enumerate() {
-            for sums in [&cell.ground, &cell.obstacle] {
-                for value in sums.statistics(self.sensor.z) {
-                    data.extend_from_slice(&value.to_le_bytes());
-                }
-                data.extend_from_slice(&sums.count.to_le_bytes());
+            if *cell == Cell::NONE {
+                data.extend_from_slice(&none);
+                continue;
             }
             let middle = self.frame.middle(at % self.frame.side, at / self.frame.side);
-            let distance_m = (middle - self.sensor.truncate()).length();
-            let worth = cell.worth(distance_m, &self.certainty);
-            data.extend_from_slice(&[cell.cost(self.certainty.min_pixels), worth, 0, 0]);
-            data.extend_from_slice(&cell.colour());
+            self.put(cell, (middle - self.sensor.truncate()).length(), &mut data);
         }
         self.frame.message(frame_id, time, fields(), CELL_STRIDE, data)
+    }
+
+    /// Adds the bytes of a cell at this distance (m) from the sensor.
+    fn put(&self, cell: &Cell, distance_m: f64, data: &mut Vec<u8>) {
+        for sums in [&cell.ground, &cell.obstacle] {
+            for value in sums.statistics(self.sensor.z) {
+                data.extend_from_slice(&value.to_le_bytes());
+            }
+            data.extend_from_slice(&sums.count.to_le_bytes());
+        }
+        let worth = cell.worth(distance_m, &self.certainty);
+        data.extend_from_slice(&[cell.cost(self.certainty.min_pixels), worth, 0, 0]);
+        data.extend_from_slice(&cell.colour());
     }
 }
 

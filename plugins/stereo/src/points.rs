@@ -1,7 +1,8 @@
 //! Coloured points with their pixels.
 
 use crate::StereoCamera;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// A pixel with a range.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,15 +20,19 @@ impl StereoCamera {
     /// pixel. Pixels without range, and pixels beyond the end of either slice, are left out.
     pub fn points<'a>(&'a self, disparity: &'a [u16], rgb: &'a [u8]) -> impl Iterator<Item = Point> + 'a {
         let camera = self.left().camera();
-        let width = camera.width as usize;
-        let pixels = disparity.iter().zip(rgb.as_chunks::<3>().0).take(width * camera.height as usize);
-        pixels.enumerate().filter_map(move |(k, (&d, &colour))| {
-            let depth = self.depth_m(d)?;
-            let (u, v) = (k % width, k / width);
-            let x = (u as f64 - camera.cx) / camera.fx * depth;
-            let y = (v as f64 - camera.cy) / camera.fy * depth;
-            let position_m = Vec3::new(x as f32, y as f32, depth as f32);
-            Some(Point { pixel: [u as u16, v as u16], position_m, colour })
+        let [width, height] = [camera.width, camera.height].map(|side| side as usize);
+        // Divided once for each column and row.
+        let slopes_x: Arc<[f64]> = (0..width).map(|u| (u as f64 - camera.cx) / camera.fx).collect();
+        let rows = disparity.chunks(width).zip(rgb.as_chunks::<3>().0.chunks(width)).take(height);
+        rows.enumerate().flat_map(move |(v, (disparity, colours))| {
+            let slope_y = (v as f64 - camera.cy) / camera.fy;
+            let slopes_x = Arc::clone(&slopes_x);
+            let pixels = disparity.iter().zip(colours).enumerate();
+            pixels.filter_map(move |(u, (&d, &colour))| {
+                let depth = self.depth_m(d)?;
+                let position_m = DVec3::new(slopes_x[u] * depth, slope_y * depth, depth).as_vec3();
+                Some(Point { pixel: [u as u16, v as u16], position_m, colour })
+            })
         })
     }
 }

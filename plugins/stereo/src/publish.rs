@@ -34,8 +34,10 @@ impl Heading<'_> {
     }
 
     pub(crate) fn floats(&self, values: impl Iterator<Item = f32>) -> RawImage {
-        let mut data = Vec::with_capacity(self.size[0] * self.size[1] * 4);
-        values.for_each(|value| data.extend_from_slice(&value.to_le_bytes()));
+        let mut data = vec![0; self.size[0] * self.size[1] * 4];
+        for (bytes, value) in data.as_chunks_mut::<4>().0.iter_mut().zip(values) {
+            *bytes = value.to_le_bytes();
+        }
         self.image("32FC1", 4, data)
     }
 
@@ -60,13 +62,10 @@ impl Heading<'_> {
     pub(crate) fn cloud(&self, points: impl Iterator<Item = Point>) -> PointCloud {
         let mut data = Vec::with_capacity(20 * self.size[0] * self.size[1]);
         for Point { pixel, position_m, colour: [r, g, b] } in points {
-            for value in position_m.to_array() {
-                data.extend_from_slice(&value.to_le_bytes());
-            }
-            data.extend_from_slice(&[r, g, b, u8::MAX]);
-            for value in pixel {
-                data.extend_from_slice(&value.to_le_bytes());
-            }
+            let [x, y, z] = position_m.to_array().map(f32::to_le_bytes);
+            let [[u0, u1], [v0, v1]] = pixel.map(u16::to_le_bytes);
+            // One slice for each point: several would each check the capacity.
+            data.extend_from_slice([x, y, z, [r, g, b, u8::MAX], [u0, u1, v0, v1]].as_flattened());
         }
         let field = |name: &str, offset: u32, r#type: NumericType| PackedElementField {
             name: name.to_owned(),

@@ -75,11 +75,12 @@ pub fn spread(cells: &mut [Option<Judgement>], roles: &[Role], side: usize) {
             let corner = |row: usize, column: usize| sums[row * stride + column][i];
             corner(high, right) + corner(low, left) - corner(low, right) - corner(high, left)
         };
-        let [count, cost, backing, driven, strays] = [0, 1, 2, 3, 4].map(sum);
-        let mean = |sum: u32| ((sum + count / 2) / count) as u8;
+        let count = sum(0);
         if count < LEAST {
             continue;
         }
+        let [cost, backing, driven, strays] = [1, 2, 3, 4].map(sum);
+        let mean = |sum: u32| ((sum + count / 2) / count) as u8;
         match cell {
             Some(own) if role.part != Part::Takes => {
                 let was_bumped = own.backing > 0 && own.cost >= OBSTACLE_COST;

@@ -184,8 +184,14 @@ impl Gathered {
 
     /// The entries in the order of the cells.
     fn in_order(self) -> Vec<Sensed> {
+        // They are in this order where the cells of the message are those of the map.
+        if self.cells.is_sorted_by_key(|sensed| (sensed.cell.y, sensed.cell.x)) {
+            return self.cells;
+        }
+        let mut cells = Vec::with_capacity(self.cells.len());
         let places = self.places.iter().filter(|&&place| place > 0);
-        places.map(|&place| self.cells[place as usize - 1]).collect()
+        cells.extend(places.map(|&place| self.cells[place as usize - 1]));
+        cells
     }
 }
 
