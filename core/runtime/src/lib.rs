@@ -96,6 +96,7 @@ mod register;
 mod replay;
 mod role;
 mod script;
+mod shared;
 mod snapshot;
 pub mod source;
 mod stack;
@@ -130,6 +131,7 @@ pub use process::{Process, ProcessDef, ProcessType, codecs};
 pub use record::{RecordOptions, RecordWhat, Recording, metadata_of_part};
 pub use replay::{RecordedRun, Replay};
 pub use role::{InputRole, Role, UnknownRole};
+pub use shared::shared;
 pub use snapshot::Snapshot;
 pub use stack::{
     Asset, Assets, BufferEntry, BufferPlan, ChildPlan, Class, InputEntry, InputPlan, NoAssets, Origin,

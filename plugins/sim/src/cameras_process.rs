@@ -70,7 +70,7 @@ struct CameraSet {
     spec: CameraSpec,
     lens: PinholeCamera,
     rate_hz: f64,
-    world: World,
+    world: Arc<World>,
     /// Rays of all cameras, unless the right one has its own.
     rays: CameraRays,
     right_rays: Option<CameraRays>,

@@ -50,7 +50,7 @@ struct Scanner {
     spec: LadarSpec,
     /// Rate of the true pose, 1/s.
     poses_hz: f64,
-    world: World,
+    world: Arc<World>,
 }
 
 /// A point of a sweep: position in the ladar's frame, remission, class.

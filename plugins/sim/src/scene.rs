@@ -8,12 +8,13 @@ use crate::terrain::{Patch, Terrain, Touch, UprightBox};
 use glam::{DVec2, DVec3};
 use rcs_geom::{GeodesyError, Geodetic, Utm};
 use rcs_scene::{Course, Footprint, Look, Surface, THICKET, ThingKind, UtmPosition, World, WrongZone};
+use std::sync::Arc;
 
 /// A simulated world, with the queries of the dynamics.
 #[derive(Clone, Debug)]
 pub struct Scenery {
     /// The world.
-    pub world: World,
+    pub world: Arc<World>,
     /// Positions of trees.
     trees: Vec<DVec2>,
 }
@@ -131,11 +132,14 @@ fn read_course(text: &str) -> Result<Option<Course>, String> {
     Course::from_toml(text).map(Some).map_err(|error| format!("course: {error} (in the file of a course)"))
 }
 
-/// Parses a world file and computes the world, with the colours of a look unless that is empty.
-pub(crate) fn read_world(text: &str, look: &str) -> Result<World, String> {
-    check_world(text)?;
-    let look = read_look(look)?;
-    World::with_look(text, look.as_ref()).map_err(|error| format!("world: {error}"))
+/// Parses a world file and computes the world, with the colours of a look unless that is empty. The processes of a
+/// simulation have one world in common.
+pub(crate) fn read_world(text: &str, look: &str) -> Result<Arc<World>, String> {
+    rcs_runtime::shared(&["world", text, look], || {
+        check_world(text)?;
+        let look = read_look(look)?;
+        World::with_look(text, look.as_ref()).map_err(|error| format!("world: {error}"))
+    })
 }
 
 /// Parses a file of a look; none if it is empty.
