@@ -4,12 +4,13 @@ use crate::cache::Loaded;
 use crate::error::LogError;
 use crate::info::{LogMessage, MessagePosition, TopicId};
 use crate::log::{Log, message_at, place_of};
-use crate::segment::MessageRef;
+use crate::segment::{MessageRef, Segment};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 use std::sync::Arc;
+use std::thread::JoinHandle;
 
 /// Selects the messages of a cursor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,7 +64,12 @@ pub struct Cursor {
     heads: BinaryHeap<Reverse<Front>>,
     /// The segment of the last message, which is likely to have the next one, too.
     current: Option<(u32, Arc<Loaded>)>,
+    reads_ahead: bool,
+    /// A segment that will be needed soon, and the thread that reads it.
+    ahead: Option<(u32, Reading)>,
 }
+
+type Reading = JoinHandle<Result<Arc<Loaded>, LogError>>;
 
 /// The next message of an open segment.
 #[derive(Debug)]
@@ -117,7 +123,16 @@ impl Log {
             wanted.sort_unstable();
             wanted
         });
-        Cursor { log: self.clone(), position, wanted, opened: 0, heads: BinaryHeap::new(), current: None }
+        Cursor {
+            log: self.clone(),
+            position,
+            wanted,
+            opened: 0,
+            heads: BinaryHeap::new(),
+            current: None,
+            reads_ahead: false,
+            ahead: None,
+        }
     }
 }
 
@@ -125,6 +140,13 @@ impl Cursor {
     /// The position of the cursor, from which another cursor can continue.
     pub fn position(&self) -> Position {
         self.position.clone()
+    }
+
+    /// The same cursor, which reads the next segment on a thread of its own while the messages of one are returned: from
+    /// its second segment on, because many cursors return only a few messages.
+    #[must_use]
+    pub fn reading_ahead(self) -> Self {
+        Self { reads_ahead: true, ..self }
     }
 
     fn wants(&self, channel: u16) -> bool {
@@ -142,10 +164,7 @@ impl Cursor {
                 return Ok(());
             }
             self.opened += 1;
-            let over = segment.last < self.position.after.time.0;
-            let unwanted =
-                self.wanted.as_ref().is_some_and(|wanted| !wanted.iter().any(|&id| segment.may_hold(id)));
-            if over || unwanted {
+            if !self.needs(segment) {
                 continue;
             }
             let loaded = self.load(index)?;
@@ -156,6 +175,26 @@ impl Cursor {
         Ok(())
     }
 
+    /// Whether a segment may have messages that are still to be returned.
+    fn needs(&self, segment: &Segment) -> bool {
+        let may_hold = |wanted: &Vec<u16>| wanted.iter().any(|&id| segment.may_hold(id));
+        segment.last >= self.position.after.time.0 && self.wanted.as_ref().is_none_or(may_hold)
+    }
+
+    /// Begins to read the next segment that is needed, unless one is being read.
+    fn read_ahead(&mut self) {
+        let inner = &self.log.0;
+        let mut next = inner.by_first.iter().skip(self.opened).copied();
+        let next = next.find(|&index| self.needs(&inner.segments[index as usize]));
+        let Some(index) = next.filter(|_| self.ahead.is_none()) else { return };
+        if inner.segments[index as usize].first > self.position.options.end.0 {
+            return;
+        }
+        let log = self.log.clone();
+        let thread = std::thread::Builder::new().name("read ahead".to_owned()).spawn(move || log.load(index));
+        self.ahead = thread.ok().map(|thread| (index, thread));
+    }
+
     fn load(&mut self, index: u32) -> Result<Arc<Loaded>, LogError> {
         if let Some((current, loaded)) = &self.current
             && *current == index
@@ -163,9 +202,16 @@ impl Cursor {
             return Ok(Arc::clone(loaded));
         }
         // Released first, because the segment to load may need the memory.
-        self.current = None;
-        let loaded = self.log.load(index)?;
+        let is_first = self.current.take().is_none();
+        let ahead = self.ahead.take_if(|(ahead, _)| *ahead == index);
+        let loaded = match ahead.map(|(_, thread)| thread.join()) {
+            Some(Ok(loaded)) => loaded?,
+            _ => self.log.load(index)?,
+        };
         self.current = Some((index, Arc::clone(&loaded)));
+        if self.reads_ahead && !is_first {
+            self.read_ahead();
+        }
         Ok(loaded)
     }
 

@@ -64,6 +64,8 @@ struct Found {
     reported: BTreeSet<u32>,
     /// Messages whose problems have been reported.
     reported_at: BTreeSet<MessagePosition>,
+    /// A file that has changed since it was opened has been reported.
+    changed: bool,
 }
 
 /// The state after opening.
@@ -196,7 +198,7 @@ impl Log {
         };
         let info = rates::with_rates(info, &source, &segments, [&by_first, &by_last], &parts);
         catalog.schemas.clear();
-        let found = Mutex::new(Found { lost, problems, reported, reported_at: BTreeSet::new() });
+        let found = Mutex::new(Found { lost, problems, reported, ..Found::default() });
         let cache = Cache::new(CACHE_BYTES);
         let inner =
             Inner { source, info, segments, by_first, by_last, first_behind, parts, catalog, cache, found };
@@ -221,6 +223,36 @@ impl Log {
         if found.reported_at.len() < REPORTED_AT_LIMIT && found.reported_at.insert(place) {
             tracing::warn!("{problem}");
             found.problems.add(problem);
+        }
+    }
+
+    /// Looks whether the files of the log have changed since they were opened, which is a problem of the log. A log
+    /// without an index may grow, because it may still be written.
+    pub fn look_for_changes(&self) {
+        for file in self.0.source.files() {
+            self.change_of(file);
+        }
+    }
+
+    /// How a file has changed since it was opened. The first one that has is reported, once.
+    fn change_of(&self, file: &Source) -> Option<String> {
+        let change = file.change(self.0.info.recovered)?;
+        let mut found = self.0.found.lock().unwrap_or_else(PoisonError::into_inner);
+        if !std::mem::replace(&mut found.changed, true) {
+            let problem = format!("{change}: {}", file.path().display());
+            tracing::warn!("{problem}");
+            found.problems.add(problem);
+        }
+        Some(change)
+    }
+
+    /// Reports a segment that could not be read, once; if its file has changed, that alone.
+    pub(crate) fn report_unreadable(&self, index: u32, error: &LogError) {
+        let segment = &self.0.segments[index as usize];
+        let (_, file) = self.0.source.file_at(segment.start);
+        if self.change_of(file).is_none() {
+            let place = MessagePosition { time: Stamp(segment.first), segment: index, offset: 0 };
+            self.report_at(place, error.to_string());
         }
     }
 
@@ -310,7 +342,8 @@ impl Log {
     fn read_segment(&self, index: u32) -> Result<Arc<Loaded>, LogError> {
         let inner = &*self.0;
         let segment = &inner.segments[index as usize];
-        let mut decoded = decode(&inner.source, segment)?;
+        let read = decode(&inner.source, segment).inspect_err(|error| self.report_unreadable(index, error));
+        let mut decoded = read?;
         if let Some(damage) = &decoded.damage {
             self.report(index, damage, decoded.messages.len() as u64)?;
         }
@@ -330,10 +363,18 @@ impl Log {
         Ok(Arc::new(Loaded { contents: decoded.contents, messages: decoded.messages.into() }))
     }
 
+    /// Reports damage of a segment, once. If its file has changed since it was opened, that is reported instead, and
+    /// the segment cannot be read.
     pub(crate) fn report(&self, index: u32, damage: &Damage, salvaged: u64) -> Result<(), LogError> {
         let segment = &self.0.segments[index as usize];
         if self.0.found.lock().unwrap_or_else(PoisonError::into_inner).reported.contains(&index) {
             return Ok(());
+        }
+        let (file_start, file) = self.0.source.file_at(segment.start);
+        if let Some(change) = self.change_of(file) {
+            let (offset, length) = (segment.start - file_start, segment.length);
+            let source = std::io::Error::other(change);
+            return Err(LogError::Read { offset, length, path: file.path().to_owned(), source });
         }
         let missing = indexed_behind(&self.0.source, segment.end())?.saturating_sub(salvaged);
         let missing = missing.max(damage.lost_messages);

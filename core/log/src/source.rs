@@ -22,9 +22,9 @@ pub(crate) struct Source {
 
 #[derive(Debug)]
 enum Medium {
-    File(File),
-    /// A file of a split log.
-    Pooled(Arc<Pool>, PooledFile),
+    File(File, Known),
+    /// A file of a split log, with its position among the files.
+    Pooled(Arc<Pool>, usize, Known),
     Memory(Bytes),
     /// Files one after another, with the position of the first byte of each.
     Parts(Vec<(u64, Source)>),
@@ -34,7 +34,8 @@ impl Source {
     pub(crate) fn open(path: &Path) -> Result<Self, LogError> {
         let failed = |source| LogError::Open { path: path.to_owned(), source };
         let (file, metadata) = open_regular(path).map_err(failed)?;
-        Ok(Self { bytes: Medium::File(file), length: metadata.len(), path: path.to_owned() })
+        let (known, length) = (Known::new(&metadata), metadata.len());
+        Ok(Self { bytes: Medium::File(file, known), length, path: path.to_owned() })
     }
 
     /// The file of a split log with this position among its files. The pool opens it again where it has closed it.
@@ -42,8 +43,8 @@ impl Source {
         let failed = |source| LogError::Open { path: path.to_owned(), source };
         let (file, metadata) = open_regular(path).map_err(failed)?;
         pool.keep(part, file);
-        let (pooled, length) = (PooledFile::new(part, &metadata), metadata.len());
-        Ok(Self { bytes: Medium::Pooled(Arc::clone(pool), pooled), length, path: path.to_owned() })
+        let (known, length) = (Known::new(&metadata), metadata.len());
+        Ok(Self { bytes: Medium::Pooled(Arc::clone(pool), part, known), length, path: path.to_owned() })
     }
 
     /// Files one after another; each begins at its position.
@@ -62,6 +63,21 @@ impl Source {
         parts.iter().map(|(_, part)| part).chain(own)
     }
 
+    /// The file that has the byte at `offset`, with the position of its first byte.
+    pub(crate) fn file_at(&self, offset: u64) -> (u64, &Self) {
+        let Medium::Parts(parts) = &self.bytes else { return (0, self) };
+        let part = parts.iter().rev().find(|(start, _)| *start <= offset);
+        part.map_or((0, self), |(start, part)| (*start, part))
+    }
+
+    /// How the file at its path differs from the one that was opened, and what to do; `None` if it does not, or if
+    /// there is none. More bytes are a difference only if it may not grow.
+    pub(crate) fn change(&self, may_grow: bool) -> Option<String> {
+        let (Medium::File(_, known) | Medium::Pooled(_, _, known)) = &self.bytes else { return None };
+        let found = Known::new(&self.path.metadata().ok()?);
+        known.check(&found, may_grow).err()
+    }
+
     pub(crate) fn memory(bytes: Bytes) -> Self {
         Self { length: bytes.len() as u64, bytes: Medium::Memory(bytes), path: PathBuf::new() }
     }
@@ -77,9 +93,9 @@ impl Source {
     /// Reads into `into` from offset `offset` on. Missing bytes, in a file that has shrunk, are an error.
     pub(crate) fn read_into(&self, offset: u64, into: &mut [u8]) -> Result<(), LogError> {
         let result = match &self.bytes {
-            Medium::File(file) => file.read_exact_at(into, offset),
-            Medium::Pooled(pool, known) => {
-                pool.file(known, &self.path).and_then(|file| file.read_exact_at(into, offset))
+            Medium::File(file, _) => file.read_exact_at(into, offset),
+            Medium::Pooled(pool, part, known) => {
+                pool.file(*part, known, &self.path).and_then(|file| file.read_exact_at(into, offset))
             }
             Medium::Parts(parts) => return read_parts(parts, offset, into),
             Medium::Memory(bytes) => {
@@ -96,7 +112,10 @@ impl Source {
             }
         };
         let length = into.len() as u64;
-        result.map_err(|source| LogError::Read { offset, length, path: self.path.clone(), source })
+        result.map_err(|source| {
+            let source = self.change(true).map_or(source, io::Error::other);
+            LogError::Read { offset, length, path: self.path.clone(), source }
+        })
     }
 
     /// `length` bytes from offset `offset` on; memory is shared, not copied.
@@ -133,11 +152,9 @@ pub(crate) struct Pool {
     open: Mutex<VecDeque<(usize, Arc<File>)>>,
 }
 
-/// A file of a pool, as it was when it was opened first.
+/// A file, as it was when it was opened first.
 #[derive(Debug)]
-struct PooledFile {
-    /// Its position among the files of the log.
-    part: usize,
+struct Known {
     length: u64,
     /// Device and inode number.
     id: (u64, u64),
@@ -151,27 +168,28 @@ impl Default for Pool {
     }
 }
 
-impl PooledFile {
-    fn new(part: usize, metadata: &Metadata) -> Self {
+impl Known {
+    fn new(metadata: &Metadata) -> Self {
         Self {
-            part,
             length: metadata.len(),
             id: (metadata.dev(), metadata.ino()),
             modified: (metadata.mtime(), metadata.mtime_nsec()),
         }
     }
 
-    /// Refuses another file: one that differs in inode number and in time, or is shorter. A difference of one of the two
-    /// is none: some file systems give a file a new inode number, and a file that is still written has a new time.
-    fn check(&self, found: &Self) -> io::Result<()> {
-        if found.id != self.id && found.modified != self.modified {
-            return Err(io::Error::other("another file has taken its place"));
-        }
-        if found.length < self.length {
-            let (got, known) = (found.length, self.length);
-            return Err(io::Error::other(format!("the file has {got} bytes, expected at least {known}")));
-        }
-        Ok(())
+    /// Refuses another file: one that differs in inode number and in time, or is shorter, or longer if it may not grow.
+    /// A difference in only one of inode number and time is accepted: some file systems give a file a new inode
+    /// number, and a file that is still written has a new time.
+    fn check(&self, found: &Self, may_grow: bool) -> Result<(), String> {
+        let (got, known) = (found.length, self.length);
+        let how = if found.id != self.id && found.modified != self.modified {
+            "another file has taken its place".to_owned()
+        } else if got < known || (got > known && !may_grow) {
+            format!("it has {got} bytes, expected {}{known}", if may_grow { "at least " } else { "" })
+        } else {
+            return Ok(());
+        };
+        Err(format!("the file has changed since it was opened: {how}; open it again"))
     }
 }
 
@@ -188,16 +206,16 @@ impl Pool {
     }
 
     /// The file of a part, opened again if it was closed; an error if another one is at its path by then.
-    fn file(&self, known: &PooledFile, path: &Path) -> io::Result<Arc<File>> {
+    fn file(&self, part: usize, known: &Known, path: &Path) -> io::Result<Arc<File>> {
         let open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
-        let held = open.iter().find(|(part, _)| *part == known.part).map(|(_, file)| Arc::clone(file));
+        let held = open.iter().find(|(other, _)| *other == part).map(|(_, file)| Arc::clone(file));
         drop(open);
         if let Some(file) = held {
             return Ok(file);
         }
         let (file, metadata) = open_regular(path)?;
-        known.check(&PooledFile::new(known.part, &metadata))?;
-        Ok(self.keep(known.part, file))
+        known.check(&Known::new(&metadata), true).map_err(io::Error::other)?;
+        Ok(self.keep(part, file))
     }
 }
 
@@ -328,7 +346,7 @@ mod tests {
         for (part, expect) in [
             (2, "another file has taken its place"),
             (2, "another file has taken its place"),
-            (3, "the file has 0 bytes, expected at least 1"),
+            (3, "it has 0 bytes, expected at least 1"),
         ] {
             let error = sources[part].read(0, 1).unwrap_err().to_string();
             assert!(error.contains(expect), "{error}");

@@ -105,7 +105,8 @@ impl Log {
     fn messages_in(&self, index: u32, wants: impl Fn(u16) -> bool) -> Result<Vec<MessageRef>, LogError> {
         let inner = &*self.0;
         let segment = &inner.segments[index as usize];
-        if let Some(found) = indexed(&inner.source, &inner.parts, segment, &wants)? {
+        let found = indexed(&inner.source, &inner.parts, segment, &wants);
+        if let Some(found) = found.inspect_err(|error| self.report_unreadable(index, error))? {
             return Ok(found);
         }
         let loaded = self.load(index)?;

@@ -68,7 +68,7 @@ impl Feed {
             }
         }
         let options = CursorOptions { topics: Some(moving_topics), ..CursorOptions::default() };
-        let cursor = log.cursor(options);
+        let cursor = log.cursor(options).reading_ahead();
         let position = cursor.position();
         let (range, gaps) = ((info.start, info.end), info.gaps.clone());
         let (log, pending, is_behind, given) = (log.clone(), None, false, None);
@@ -174,7 +174,7 @@ impl Feed {
 
     /// Returns to an earlier position of the feed.
     pub(crate) fn restore(&mut self, position: Position) {
-        self.cursor = self.log.cursor_at(position.clone());
+        self.cursor = self.log.cursor_at(position.clone()).reading_ahead();
         self.position = position;
         self.pending = None;
         self.is_behind = true;

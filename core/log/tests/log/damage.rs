@@ -358,6 +358,54 @@ fn a_file_that_shrinks_while_it_is_open_gives_errors_and_no_panic() {
     let error = results.into_iter().find_map(Result::err).unwrap();
     assert!(matches!(error, LogError::Read { .. }), "{error}");
     assert!(error.to_string().contains("shrinks.mcap"), "{error}");
+    let problems = log.problems();
+    let is_told = |problem: &String| problem.contains("the file has changed since it was opened: it has");
+    assert!(matches!(&problems[..], [problem] if is_told(problem)), "{problems:?}");
+    assert!(error.to_string().contains("the file has changed since it was opened: it has"), "{error}");
+}
+
+#[test]
+fn a_file_that_is_replaced_while_it_is_open_is_one_problem_and_one_that_grows_is_none() {
+    let log_with = |size: usize| {
+        let messages: Vec<(usize, u64, usize)> = (0..400).map(|index| (0, index, size)).collect();
+        log_of(&messages, WriterOptions { chunk_bytes: 1000, compress: false, ..WriterOptions::default() })
+    };
+    let (short, long) = (log_with(37), log_with(40));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let open = |content: &[u8]| {
+        std::fs::write(&path, content).unwrap();
+        Log::open(&path).unwrap()
+    };
+    let check_told = |log: &Log| {
+        let problems = log.problems();
+        let is_told = |problem: &String| {
+            problem.contains("the file has changed since it was opened") && problem.contains("drive.mcap")
+        };
+        assert!(matches!(&problems[..], [problem] if is_told(problem)), "{problems:?}");
+    };
+    for (first, then) in [(&long, &short), (&short, &long)] {
+        let log = open(first);
+        std::fs::write(&path, then).unwrap();
+        let results: Vec<_> = log.cursor(CursorOptions::default()).collect();
+        assert!(results.iter().any(Result::is_err), "what does not fit is refused");
+        log.look_for_changes();
+        check_told(&log);
+    }
+    // Another file at its path: the one that was opened can still be read.
+    let log = open(&long);
+    let other = folder.path().join("other.mcap");
+    std::fs::write(&other, &short).unwrap();
+    std::fs::rename(&other, &path).unwrap();
+    log.look_for_changes();
+    check_told(&log);
+    assert_eq!(read_all(&log).len(), 400);
+    // A file without an index may still be written.
+    let log = open(&long[..long.len() / 2]);
+    std::fs::write(&path, &long).unwrap();
+    log.look_for_changes();
+    assert!(read_all(&log).len() > 50);
+    assert_eq!(log.problems(), log.info().problems);
 }
 
 proptest! {

@@ -79,8 +79,10 @@ proptest! {
         for given in 0..=expected.len() {
             let text = serde_json::to_string(&cursor.position()).unwrap();
             let position: Position = serde_json::from_str(&text).unwrap();
-            let rest: Vec<u32> = log.cursor_at(position).map(|message| message.unwrap().sequence).collect();
-            prop_assert_eq!(&rest, &expected[given..]);
+            for rest in [log.cursor_at(position.clone()), log.cursor_at(position).reading_ahead()] {
+                let rest: Vec<u32> = rest.map(|message| message.unwrap().sequence).collect();
+                prop_assert_eq!(&rest, &expected[given..]);
+            }
             prop_assert_eq!(cursor.next().map(|message| message.unwrap().sequence), expected.get(given).copied());
         }
     }

@@ -224,3 +224,74 @@ pub(crate) fn neighbour(
 ) -> Result<Option<LogMessage>, SourceError> {
     Ok(if back { log.previous_message(place, topics)? } else { log.next_message(place, topics)? })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::{foxglove, schema_of};
+
+    /// Time between two messages.
+    const EVERY_NS: u64 = 100_000_000;
+
+    /// A log of 40 s in many chunks: `/once` at the start, then ten numbered messages a second on `/a`.
+    fn write_log(path: &Path) {
+        let options = WriterOptions { chunk_bytes: 1000, compress: false, ..WriterOptions::default() };
+        let mut writer = LogWriter::create(path, options).unwrap();
+        let [once, a] = ["/once", "/a"].map(|topic| {
+            writer.add_channel(topic, schema_of::<foxglove::Vector3>(), &BTreeMap::new()).unwrap()
+        });
+        for index in 0..400_u32 {
+            let log_time = Stamp(u64::from(index) * EVERY_NS);
+            let header = WriteHeader { sequence: index, log_time, publish_time: log_time };
+            let message = AnyMessage::new(foxglove::Vector3 { x: f64::from(index), y: 0.0, z: 0.0 });
+            writer.write(if index == 0 { once } else { a }, header, &message.bytes()).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    /// The time, and what is shown of both topics.
+    fn shown(source: &mut LogSource) -> (Stamp, [Option<f64>; 2]) {
+        let frame = source.frame();
+        let x_of = |name: &str| frame.topic(name)?.get::<foxglove::Vector3>().map(|vector| vector.x);
+        (frame.now, ["/once", "/a"].map(x_of))
+    }
+
+    #[test]
+    fn what_is_shown_stays_where_the_file_was_cut_and_a_problem_says_so() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        write_log(&path);
+        let (mut source, task) = (LogSource::open(&path).unwrap(), Task::default());
+        source.seek(Stamp(30 * EVERY_NS), &task).unwrap();
+        assert_eq!(shown(&mut source), (Stamp(30 * EVERY_NS), [Some(0.0), Some(30.0)]));
+        assert_eq!(source.info().problems, Vec::<String>::new());
+        let file = std::fs::File::options().write(true).open(&path).unwrap();
+        file.set_len(file.metadata().unwrap().len() / 2).unwrap();
+        let error = source.seek(Stamp(300 * EVERY_NS), &task).unwrap_err().to_string();
+        assert!(error.contains("the file has changed since it was opened"), "{error}");
+        assert_eq!(shown(&mut source), (Stamp(30 * EVERY_NS), [Some(0.0), Some(30.0)]));
+        assert!(source.step(&Step::Message { topic: None, back: false }, &task).unwrap());
+        assert_eq!(shown(&mut source), (Stamp(31 * EVERY_NS), [Some(0.0), Some(31.0)]));
+        // Where it reads on from what is shown, too.
+        let step = Step::Time { ns: 1_500_000_000 };
+        while matches!(source.step(&step, &task), Ok(true)) {}
+        let (now, topics) = shown(&mut source);
+        assert!(now > Stamp(31 * EVERY_NS) && now < Stamp(300 * EVERY_NS), "{now}");
+        assert_eq!(topics, [Some(0.0), Some(now.0 as f64 / EVERY_NS as f64)]);
+        let problems = &source.info.problems;
+        assert!(matches!(&problems[..], [problem] if problem.contains("has changed")), "{problems:?}");
+    }
+
+    #[test]
+    fn a_file_that_is_replaced_is_a_problem_before_more_of_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        write_log(&path);
+        let mut source = LogSource::open(&path).unwrap();
+        source.seek(Stamp::MAX, &Task::default()).unwrap();
+        std::fs::write(&path, b"another file").unwrap();
+        let problems = source.frame().info.problems.clone();
+        assert!(matches!(&problems[..], [problem] if problem.contains("has changed")), "{problems:?}");
+    }
+}

@@ -37,6 +37,8 @@ const JUMP_NS: u64 = 2_000_000_000;
 const PIECE: Duration = Duration::from_millis(8);
 /// Time between two looks at what another thread has read.
 const WAIT: Duration = Duration::from_millis(4);
+/// Least time between two looks whether the files of the log have changed.
+const LOOK: Duration = Duration::from_secs(1);
 
 /// The topics of a log at one moment.
 pub(crate) struct LogView {
@@ -62,6 +64,8 @@ pub(crate) struct LogView {
     events: EventWatch,
     /// Number of problems of the log, and of doubts about its transforms, that have been told.
     told: [usize; 2],
+    /// When the files of the log were last looked at.
+    looked: Option<Instant>,
 }
 
 impl LogView {
@@ -159,6 +163,7 @@ impl LogView {
             entities,
             events: EventWatch::default(),
             told: [info.problems.len(), 0],
+            looked: None,
         }
     }
 
@@ -172,8 +177,18 @@ impl LogView {
         keys.flat_map(|id| iter::once(id).chain(self.reassembly.deltas_of(id).iter().copied())).collect()
     }
 
-    /// Shows everything up to and including `to`.
+    /// Shows everything up to and including `to`. If that cannot be read, what was shown before stays.
     pub(crate) fn go_to(&mut self, to: MessagePosition) -> Result<(), SourceError> {
+        let before = self.topics.clone();
+        let moved = self.move_to(to);
+        if moved.is_err() {
+            // The cursor and the key frames may be anywhere between the two places, so the next place is looked up.
+            (self.topics, self.shown) = (before, None);
+        }
+        moved
+    }
+
+    fn move_to(&mut self, to: MessagePosition) -> Result<(), SourceError> {
         match self.shown {
             Some(shown) if to >= shown && to.time.0 - shown.time.0 <= JUMP_NS => {}
             _ => self.look_up_before(to.time)?,
@@ -345,6 +360,10 @@ impl LogView {
     /// The problems of the log, and the doubts about its transforms, that were found since it was opened or this was
     /// last asked.
     pub(crate) fn take_problems(&mut self) -> Vec<String> {
+        if self.looked.is_none_or(|looked| looked.elapsed() >= LOOK) {
+            self.looked = Some(Instant::now());
+            self.log.look_for_changes();
+        }
         let (problems, doubts) = (self.log.problems(), self.epochs.doubts());
         let [told, told_doubts] = std::mem::replace(&mut self.told, [problems.len(), doubts.len()]);
         problems.into_iter().skip(told).chain(doubts.iter().skip(told_doubts).cloned()).collect()
