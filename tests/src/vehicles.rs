@@ -15,13 +15,18 @@ impl Assets for WithVehicle {
 
 /// The vehicle `lagr` with other greatest speeds of vehicle and wheels, m/s.
 fn vehicle(max_speed_mps: f64, max_wheel_speed_mps: f64) -> WithVehicle {
-    let mut text = Repository.read("vehicle", "lagr", "").unwrap().text;
-    for (before, after) in [
+    changed(&[
         ("\nmax_speed_mps = 1.3\n", format!("\nmax_speed_mps = {max_speed_mps:?}\n")),
         ("\nmax_wheel_speed_mps = 1.8\n", format!("\nmax_wheel_speed_mps = {max_wheel_speed_mps:?}\n")),
-    ] {
-        assert!(text.contains(before), "{before}");
-        text = text.replace(before, &after);
+    ])
+}
+
+/// The vehicle `lagr` with other texts in place of its own.
+fn changed(texts: &[(&str, String)]) -> WithVehicle {
+    let mut text = Repository.read("vehicle", "lagr", "").unwrap().text;
+    for (before, after) in texts {
+        assert!(text.contains(*before), "{before}");
+        text = text.replace(*before, after);
     }
     WithVehicle(text)
 }
@@ -51,5 +56,19 @@ fn who_drives_the_vehicle_interface_and_the_motion_by_images_have_the_greatest_s
         let plan = planned("truth_driver", &vehicle);
         assert_eq!(param(&plan, "vehicle_interface", "max_speed_mps"), speed_mps);
         assert_eq!(param(&plan, "truth_driver", "vehicle_speed_mps"), speed_mps);
+    }
+}
+
+#[test]
+fn localization_has_the_place_of_the_antenna() {
+    for place_m in [[0.0, 0.0, 1.0], [-2.5, 0.25, 1.5]] {
+        let [x_m, y_m, z_m] = place_m;
+        let gps = format!("[gps]\nrate_hz = 4.0\nx_m = {x_m:?}\ny_m = {y_m:?}\nz_m = {z_m:?}\n");
+        let vehicle = changed(&[("[gps]\nrate_hz = 4.0\nx_m = 0.0\ny_m = 0.0\nz_m = 1.0\n", gps)]);
+        for stack in ["lagr", "truth_driver", "replay"] {
+            let plan = planned(stack, &vehicle);
+            let names = ["antenna_x_m", "antenna_y_m", "antenna_z_m"];
+            assert_eq!(names.map(|name| param(&plan, "localization", name)), place_m, "{stack}");
+        }
     }
 }

@@ -280,6 +280,15 @@ impl ChildLinks {
     }
 }
 
+/// The text of a status, if it answers the last command sent. A child that executes the command before that one still
+/// does what it says until it has read the last one.
+pub(crate) fn answer(status: &rcs::Status, sent: u64) -> Option<&str> {
+    let serial = status.supervisor_serial;
+    let is_one_behind = serial > 0 && sent.saturating_sub(serial) == 1;
+    let executes = status.state() == rcs::ProcessState::Exec;
+    (serial >= sent || is_one_behind && executes).then_some(status.state_text.as_str())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,6 +325,22 @@ mod tests {
         assert_eq!(seen(5, Some(&status(Error, "boss", 4, 4))), ChildState::Exec, "an old ERROR");
         assert_eq!(seen(5, Some(&status(Done, "boss", 5, 5))), ChildState::Done);
         assert_eq!(seen(5, Some(&status(Error, "boss", 5, 5))), ChildState::Error);
+    }
+
+    #[test]
+    fn a_child_that_executes_keeps_its_text_until_it_has_read_the_next_command() {
+        let text = |state, serial| {
+            let state_text = "path of 4.9 m".to_owned();
+            let status = rcs::Status { state_text, ..status(state, "boss", serial, serial) };
+            answer(&status, 5).map(str::to_owned)
+        };
+        let known = Some("path of 4.9 m".to_owned());
+        assert_eq!(text(Exec, 5), known);
+        assert_eq!(text(Error, 5), known);
+        assert_eq!(text(Exec, 4), known, "it is one command behind");
+        assert_eq!(text(Exec, 3), None, "it does not answer");
+        assert_eq!((text(Done, 4), text(Error, 4)), (None, None), "what it says is of an old command");
+        assert_eq!(answer(&status(Exec, "", 0, 0), 1), None, "it has not answered any command");
     }
 
     #[test]

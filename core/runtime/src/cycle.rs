@@ -1,6 +1,6 @@
 //! The context of one cycle of a process.
 
-use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children, Owner};
+use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children, Owner, answer};
 use crate::command::{CommandSet, Obeys, Order};
 use crate::pool::Pool;
 use crate::ports::{In, Out};
@@ -245,11 +245,12 @@ impl Cycle<'_> {
         let status = self.status_of(index);
         let state = self.judge(index, status);
         let refusal = status.and_then(|status| self.child_links.refusal(status, sent));
-        let text = match (state, refusal, status) {
+        let said = status.and_then(|status| answer(status, sent));
+        let text = match (state, refusal, said) {
             (ChildState::Silent, ..) => "posts no status".to_owned(),
             (_, Some(refusal), _) => format!("refused {}: {}", refusal.command, refusal.reason),
-            (_, _, Some(status)) if status.supervisor_serial >= sent => status.state_text.clone(),
-            _ => "has not answered yet".to_owned(),
+            (_, None, Some(said)) => said.to_owned(),
+            (_, None, None) => format!("{} has not answered yet", link.name),
         };
         Some(ChildReport {
             name: Arc::clone(&link.name),

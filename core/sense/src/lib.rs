@@ -17,6 +17,7 @@
 //! - [`model_to_delete`]: which learned model a command means.
 //! - [`Standing`]: what stands in the cells of a world model, for a camera that is expected to see it.
 //! - [`ObstacleLabel`]: codes of the pixels of obstacle label images.
+//! - [`text_above`]: the text of a value that is above its limit.
 //!
 //! The crate is above the runtime and below the plugins. It contains no algorithm of a single plugin: those are in
 //! `plugins/*`. A plugin begins with [`PosePorts`] for its inputs, and writes its results into a [`CostGrid`]:
@@ -51,6 +52,7 @@ mod sample;
 mod sensor_time;
 mod slippery;
 mod standing;
+mod text_above;
 mod worth;
 
 pub use clock::ClockWatch;
@@ -74,17 +76,21 @@ pub use sample::{Rgb, SAMPLE_PX, Sample, SampleError};
 pub use sensor_time::SensorTime;
 pub use slippery::{LastSlip, SLIPPERY, is_by_images, is_slippery};
 pub use standing::{Standing, is_obstacle, plane_height};
+pub use text_above::text_above;
 pub use worth::{PlaneNoise, worth};
 
 pub use rcs_world::CELL_SIZE_M;
 
 /// Reasons (`rcs.VehicleStatus.stop_reason`) for which a vehicle interface holds the vehicle that follow from what drives it:
-/// no command came, the last one was refused, or it leads ahead while the bumper is pressed.
+/// no command came, the last one was refused, it leads ahead while the bumper is pressed, or it is a turn that the
+/// vehicle cannot make.
 pub mod stop_reason {
     /// The bumper is pressed, and the command leads ahead.
     pub const BUMPER: &str = "bumper is pressed";
     /// No command came within the timeout.
     pub const NO_COMMAND: &str = "no command";
+    /// The command is a turn on the spot, and the vehicle has steering.
+    pub const ON_THE_SPOT: &str = "a vehicle with steering cannot turn on the spot";
     /// The last command was refused.
     pub const REFUSED: &str = "the last command was refused";
 }

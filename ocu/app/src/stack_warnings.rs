@@ -1,5 +1,6 @@
-//! What is valid in a stack but probably a mistake: a frame that two connected processes call differently, and a mount that
-//! is not used. A check of the stack, a run and the window tell it.
+//! What is valid in a stack but probably a mistake: a frame that two connected processes call differently, a mount that
+//! is not used, and commands for another kind of steering than that of the vehicle. A check of the stack, a run and the
+//! window tell it.
 
 use rcs_msg::Value;
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
@@ -11,7 +12,44 @@ use std::collections::BTreeMap;
 pub(crate) fn of(plan: &Plan) -> Vec<String> {
     let mut warnings = differing_frames(plan);
     warnings.extend(plan.processes.iter().flat_map(unused_mounts));
+    warnings.extend(other_steering(plan));
     warnings
+}
+
+/// Processes whose commands are for another kind of steering than that of the simulated vehicle that reads them.
+fn other_steering(plan: &Plan) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for vehicle in &plan.processes {
+        let Some((file, expected)) = steering_of_file(plan, vehicle) else { continue };
+        for process in &plan.processes {
+            let is_read = process.outputs.iter().any(|&buffer| vehicle.inputs.contains(&Some(buffer)));
+            let Some(steering) = enum_of(process, "steering").filter(|_| is_read) else { continue };
+            if steering.starts_with("STEERING_") && steering != expected {
+                warnings.push(format!(
+                    "{}: steering is {steering}, expected {expected}, which {file} says",
+                    process.name
+                ));
+            }
+        }
+    }
+    warnings
+}
+
+/// The vehicle file of a process, and the kind of steering that it says; `None` for a process without one.
+fn steering_of_file<'p>(plan: &'p Plan, process: &ProcessPlan) -> Option<(&'p str, &'static str)> {
+    let tree = process.params.value().ok()?;
+    let file = plan.files.get(tree.field("vehicle")?.as_text()?).filter(|file| file.kind == "vehicle")?;
+    let table: toml::Table = toml::from_str(&file.text).ok()?;
+    let is_steered = table.contains_key("steering");
+    Some((file.file.as_str(), if is_steered { "STEERING_ACKERMANN" } else { "STEERING_DIFFERENTIAL" }))
+}
+
+/// The name of the value of a parameter that is an enum.
+fn enum_of(process: &ProcessPlan, parameter: &str) -> Option<String> {
+    match process.params.value().ok()?.field(parameter)? {
+        Value::Enum { name, .. } => Some(name.clone()),
+        _ => None,
+    }
 }
 
 /// Frame parameters with the same name but different values in two connected processes.
@@ -105,4 +143,31 @@ fn frames(process: &ProcessPlan) -> BTreeMap<String, String> {
         }
     }
     frames
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::stacks;
+
+    /// The warnings about steering of the stack `truth_driver` with a vehicle and a kind of steering.
+    fn told(vehicle: &str, steering: &str) -> Vec<String> {
+        let overrides = [("vehicle.vehicle", vehicle), ("vehicle_interface.steering", steering)];
+        let overrides = overrides.map(|(path, text)| (path.to_owned(), text.to_owned()));
+        let plan = stacks::plan("truth_driver", None, &overrides).unwrap();
+        plan.warnings.iter().filter(|warning| warning.contains("steering is")).cloned().collect()
+    }
+
+    #[test]
+    fn commands_for_another_kind_of_steering_than_that_of_the_vehicle_are_told() {
+        for (vehicle, own, other) in [
+            ("tractor", "STEERING_ACKERMANN", "STEERING_DIFFERENTIAL"),
+            ("lagr", "STEERING_DIFFERENTIAL", "STEERING_ACKERMANN"),
+        ] {
+            assert_eq!(told(vehicle, own), [""; 0], "{vehicle}");
+            let told = told(vehicle, other);
+            let expected = format!("vehicle_interface: steering is {other}, expected {own}, which ");
+            assert!(told.len() == 1 && told[0].starts_with(&expected), "{told:?}");
+            assert!(told[0].contains(&format!("{vehicle}.toml says")), "{told:?}");
+        }
+    }
 }

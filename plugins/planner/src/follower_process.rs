@@ -18,7 +18,7 @@ use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
 use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport, VehicleStatus, WaySlip};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
+use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of, text_above};
 use serde::{Deserialize, Serialize};
 
 /// State: the waypoints, the goal, the poses of the last seconds, the last arc, and the active mode.
@@ -137,7 +137,9 @@ impl Process for WaypointFollower {
                 "weight_goal and weight_heading: both are 0, so that no arc leads anywhere".to_owned()
             );
         }
-        table_of(&params.modes).map(|_| ())
+        let costs = params.costs.as_ref();
+        let most_m = costs.map_or(0.0, |costs| costs.wish_clearance_m.max(costs.clearance_m));
+        table_of(&params.modes)?.check_room(most_m).map_err(|error| format!("modes: {error}"))
     }
 
     fn new(_params: &WaypointFollowerParams) -> Self {
@@ -174,7 +176,9 @@ impl Process for WaypointFollower {
         };
         let too_old = |what: &str, at: Stamp, limit_s: f64| {
             let age_s = now.seconds_since(at);
-            (age_s > limit_s).then(|| format!("{what} is {age_s:.1} s old, expected at most {limit_s} s"))
+            (age_s > limit_s).then(|| {
+                format!("{what} is {} s old, expected at most {limit_s} s", text_above(age_s, limit_s))
+            })
         };
         if let Some(why) = too_old("the path", path_at, params.path_timeout_s) {
             return self.stand(ports, why, cx);

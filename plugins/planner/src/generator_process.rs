@@ -35,7 +35,7 @@ use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFra
 use rcs_msg::params::check_typed;
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{FrameWatch, Localizer, Origin, pose_message};
+use rcs_sense::{FrameWatch, Localizer, Origin, pose_message, text_above};
 use serde::{Deserialize, Serialize};
 
 /// The planner of the near map is told another point of the far path when that is this far away, m.
@@ -528,8 +528,10 @@ impl WaypointGenerator {
                 "the variance of the position is negative, infinite or no number: stands".to_owned(),
             );
         }
-        (error_m > limit_m)
-            .then(|| format!("the position is known to {error_m:.1} m, expected at most {limit_m} m: stands"))
+        (error_m > limit_m).then(|| {
+            let error_m = text_above(error_m, limit_m);
+            format!("the position is known to {error_m} m, expected at most {limit_m} m: stands")
+        })
     }
 }
 

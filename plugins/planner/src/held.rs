@@ -3,10 +3,10 @@
 use rcs_msg::rcs::VehicleStatus;
 use rcs_sense::stop_reason;
 
-/// Reasons of the vehicle interface to stop the vehicle that follow from a silence of the follower, or
-/// from a bumper hit, with which a mode begins that is to go on. A refused command is not among them: no mode gets the
-/// vehicle going again.
-const OWN_REASONS: [&str; 2] = [stop_reason::BUMPER, stop_reason::NO_COMMAND];
+/// Reasons of the vehicle interface to stop the vehicle that follow from a silence of the follower, from a turn on the
+/// spot that the vehicle cannot make, or from a bumper hit, with which a mode begins that is to go on. A refused command
+/// is not among them: no mode gets the vehicle going again.
+const OWN_REASONS: [&str; 3] = [stop_reason::BUMPER, stop_reason::NO_COMMAND, stop_reason::ON_THE_SPOT];
 
 /// Whether something other than the follower holds the vehicle, drives it by hand, or slows it down so much that it would be
 /// taken for stuck.
@@ -56,6 +56,7 @@ mod tests {
         assert_eq!(Held::of(None, 0.0), Held::Not);
         assert_eq!(held(&status("", false)), Held::Not);
         assert_eq!(held(&status(stop_reason::BUMPER, false)), Held::Not);
+        assert_eq!(held(&status(stop_reason::ON_THE_SPOT, false)), Held::Not);
         assert_eq!(held(&status(stop_reason::REFUSED, false)), Held::Otherwise);
         assert_eq!(held(&status("imu silent for 1.0 s", false)), Held::Otherwise);
         assert_eq!(held(&status("the speed limit is 0 m/s", false)), Held::Otherwise);

@@ -47,7 +47,8 @@ pub enum Signal {
     ClimbDeg,
     /// Slope of the ground across the heading, deg, without sign.
     RollDeg,
-    /// Distance from the side of the vehicle to the nearest obstacle on the map, m.
+    /// Distance from the side of the vehicle to the nearest obstacle on the map, m; at most the desired clearance
+    /// (`costs.wish_clearance_m`), so a bound must be below that.
     RoomM,
     /// Time since there was a path that can be driven, s; 0 while there is one.
     BlockedS,
@@ -308,6 +309,25 @@ impl Table {
             }
         }
         Ok(table)
+    }
+
+    /// Refuses a bound of `room_m` that is not below `most_m`, the greatest value of that signal, m: such a condition
+    /// holds always or never.
+    pub fn check_room(&self, most_m: f64) -> Result<(), TableError> {
+        for mode in &self.modes {
+            let conditions = mode.enter.iter().chain(&mode.exit);
+            let mut bounds = conditions
+                .filter(|condition| condition.signal == Signal::RoomM)
+                .filter_map(|condition| condition.at_least.or(condition.at_most));
+            if let Some(bound_m) = bounds.find(|&bound_m| bound_m >= most_m) {
+                let message = format!(
+                    "room_m: the bound is {bound_m} m, expected less than the desired clearance \
+                     (costs.wish_clearance_m), {most_m} m: the signal is never higher"
+                );
+                return Err(TableError::Mode { mode: mode.name.clone(), message });
+            }
+        }
+        Ok(())
     }
 }
 

@@ -124,6 +124,17 @@ fn tables_that_cannot_work_are_refused() {
 }
 
 #[test]
+fn a_bound_of_the_room_that_the_signal_does_not_exceed_is_refused() {
+    let table = Table::parse(TABLE).unwrap();
+    assert_eq!(table.check_room(0.61), Ok(()));
+    for (most_m, bound) in [(0.6, "0.6 m"), (0.5, "0.6 m"), (0.4, "0.4 m")] {
+        let refused = table.check_room(most_m).unwrap_err().to_string();
+        let expected = format!("mode \"SLOW\": room_m: the bound is {bound}, expected less than");
+        assert!(refused.starts_with(&expected), "{refused}");
+    }
+}
+
+#[test]
 fn another_table_with_as_many_modes_begins_anew() {
     let (table, mut modes) = (Table::parse(TABLE).unwrap(), Modes::default());
     assert!(modes.step(&table, &with(&[(Signal::Bumper, 1.0)]), at(0)).is_some());

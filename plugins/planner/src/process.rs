@@ -13,7 +13,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PosesInFrame};
 use rcs_msg::rcs::{self, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, FrameWatch, Localizer, PosePorts, pose_message};
+use rcs_sense::{Extrinsics, FrameWatch, Localizer, PosePorts, pose_message, text_above};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -189,11 +189,12 @@ impl Process for AStarPlanner {
         let age_s = now.seconds_since(map.acq_time_on_arrival());
         if age_s > params.map_timeout_s {
             let limit_s = params.map_timeout_s;
+            let age_s = text_above(age_s, limit_s);
             self.planned = None;
             return self.stop(
                 ports,
                 params,
-                format!("the map is {age_s:.1} s old, expected at most {limit_s} s"),
+                format!("the map is {age_s} s old, expected at most {limit_s} s"),
                 cx,
             );
         }

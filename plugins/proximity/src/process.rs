@@ -14,7 +14,7 @@ use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, Extrinsics, FASTEST_RADPS, FASTEST_WHEEL_MPS, HARDEST_MPS2, LastSlip, Localizer, PosePorts,
-    SensorTime, is_slippery, pose_of,
+    SensorTime, is_slippery, pose_of, text_above,
 };
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -335,8 +335,9 @@ impl Proximity {
 fn silent(ports: &Ports, timeout_s: f64, cx: &Cycle<'_>) -> Option<String> {
     let sensors = [("infrared", silent_s(&ports.infrared, cx)), ("motors", silent_s(&ports.motors, cx))];
     let silent = sensors.into_iter().filter(|&(_, silent_s)| timeout_s > 0.0 && silent_s > timeout_s);
-    let told = silent.map(|(name, silent_s)| format!("{name} silent for {silent_s:.1} s"));
-    let told = told.collect::<Vec<_>>().join(", ");
+    let told =
+        |(name, silent_s): (&str, f64)| format!("{name} silent for {} s", text_above(silent_s, timeout_s));
+    let told = silent.map(told).collect::<Vec<_>>().join(", ");
     (!told.is_empty()).then(|| format!("{told}, expected at most {timeout_s} s"))
 }
 

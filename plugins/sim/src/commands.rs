@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 /// Maximum time by which a command's timestamp may be ahead of the vehicle's clock, s.
 const EARLY_S: f64 = 0.05;
+/// Wheel speeds of a vehicle with steering that is told to drive straight differ by at most this, m/s.
+const STRAIGHT_MPS: f64 = 0.1;
 
 /// Why a command was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -30,6 +32,14 @@ pub enum Refusal {
         got: f64,
         /// m/s.
         limit: f64,
+    },
+    /// The command turns a vehicle with steering by its wheel speeds alone.
+    #[error("wheels at {left} and {right} m/s without curvature, expected one: the vehicle has steering")]
+    NotSteered {
+        /// m/s.
+        left: f64,
+        /// m/s.
+        right: f64,
     },
     /// The command has no timestamp.
     #[error("no timestamp")]
@@ -84,6 +94,10 @@ impl Commands {
         if let Some(&got) = [left, right].iter().find(|speed| speed.abs() > limit) {
             self.obeyed = None;
             return Err(Refusal::TooFast { got, limit });
+        }
+        if spec.steering.is_some() && curvature == 0.0 && (left - right).abs() > STRAIGHT_MPS {
+            self.obeyed = None;
+            return Err(Refusal::NotSteered { left, right });
         }
         let time = command.timestamp.as_ref().and_then(Stamp::from_proto).ok_or(Refusal::NoTime)?;
         let age_s = now.seconds_since(time);

@@ -47,7 +47,8 @@
 //! ellipsoid.
 //!
 //! Commands that are not finite, exceed the speed of the wheels, are older than the previous one, or are older than
-//! `command_timeout_s` are faults and are not obeyed; without a valid recent command the vehicle brakes.
+//! `command_timeout_s` are faults and are not obeyed, nor is a turn by wheel speeds alone of a vehicle with steering;
+//! without a valid recent command the vehicle brakes.
 //!
 //! # Example
 //!

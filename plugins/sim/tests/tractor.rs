@@ -65,6 +65,19 @@ fn it_drives_an_arc_and_its_radar_and_steering_say_so() {
 }
 
 #[test]
+fn a_turn_by_wheel_speeds_alone_is_refused_and_counted() {
+    let mut bench = bench(1);
+    bench.command(1.0, 1.05);
+    bench.advance(50);
+    assert_eq!(bench.faults("vehicle").0, 0, "it drives straight");
+    bench.command(-0.85, 0.85);
+    bench.advance(50);
+    let (faults, why) = bench.faults("vehicle");
+    let expected = "wheels at -0.85 and 0.85 m/s without curvature, expected one: the vehicle has steering";
+    assert!(faults == 1 && why.contains(expected), "{faults}: {why}");
+}
+
+#[test]
 fn the_ladars_points_lie_where_the_world_is() {
     let bench = bench(1);
     let cloud: PointCloud = bench.latest("/ladar_roof/cloud");

@@ -18,7 +18,7 @@ use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, CELL_SIZE_M, ClockWatch, FrameWatch, GridFrame, Localizer, PosePorts, SensorTime,
-    fingerprint_of_texts, model_to_delete,
+    fingerprint_of_texts, model_to_delete, text_above,
 };
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
@@ -398,9 +398,10 @@ impl TerrainLearner {
             let is_late = behind_s > params.camera_timeout_s;
             if is_late && !self.cameras[side].is_late {
                 let (name, other) = (SIDES[side], SIDES[1 - side]);
+                let limit_s = params.camera_timeout_s;
+                let behind_s = text_above(behind_s, limit_s);
                 cx.fault(format!(
-                    "{name} camera is {behind_s:.1} s behind the {other} one, expected at most {} s",
-                    params.camera_timeout_s
+                    "{name} camera is {behind_s} s behind the {other} one, expected at most {limit_s} s"
                 ));
             }
             self.cameras[side].is_late = is_late;

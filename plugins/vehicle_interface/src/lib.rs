@@ -45,6 +45,7 @@
 //!
 //! Not in the papers: a pressed bumper blocks forward motion (backward motion and turning remain possible). Where wheels
 //! slip on one side, what the turn lacks is added to it ([`control::Slip`]), while encoders and inertial sensor both send.
+//! A vehicle with steering that is told to turn on the spot stands, and the status says why.
 //!
 //! # Where to begin
 //!

@@ -305,8 +305,15 @@ impl VehicleInterface {
     fn obey(&self, request: DriveRequest, params: &VehicleInterfaceParams, now: Stamp) -> Decision {
         let is_held = params.bumper_holds && (self.sensed.bumper_left || self.sensed.bumper_right);
         let speed_mps = if is_held { request.speed_mps.min(0.0) } else { request.speed_mps };
-        let stop_reason =
-            if is_held && request.speed_mps > 0.0 { stop_reason::BUMPER } else { "" }.to_owned();
+        let is_on_the_spot =
+            request.speed_mps == 0.0 && matches!(request.turn, Turn::Rate(rate_radps) if rate_radps != 0.0);
+        let stop_reason = if is_held && request.speed_mps > 0.0 {
+            stop_reason::BUMPER
+        } else if is_on_the_spot && params.steering() == SteeringKind::SteeringAckermann {
+            stop_reason::ON_THE_SPOT
+        } else {
+            ""
+        };
         let aim = match request.turn {
             Turn::Rate(yaw_rate_radps) => Aim::Rate { speed_mps, yaw_rate_radps },
             Turn::Heading(heading_rad) => match self.yaw {
@@ -318,6 +325,7 @@ impl VehicleInterface {
             },
         };
         let (wanted_speed_mps, limit_mps) = (request.speed_mps, f64::INFINITY);
+        let stop_reason = stop_reason.to_owned();
         Decision { aim, wanted_speed_mps, stop_reason, limit_mps, teleoperated: false }
     }
 

@@ -16,7 +16,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{LocationFix, Vector3, location_fix};
 use rcs_msg::rcs::{Imu, SlipReport, VisualMotion, WheelEncoders};
 use rcs_runtime::{Cycle, Msg};
-use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, SensorTime};
+use rcs_sense::{FASTEST_RADPS, HARDEST_MPS2, Origin, SensorTime, text_above};
 
 /// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.
 const SLIP_LENGTH_M: f64 = 20.0;
@@ -289,7 +289,8 @@ impl Localization {
         let age_s = now.seconds_since(time);
         if age_s > params.gps_dropout_s {
             let limit_s = params.gps_dropout_s;
-            return Err(format!("position fix is {age_s:.1} s old, expected at most {limit_s} s"));
+            let age_s = text_above(age_s, limit_s);
+            return Err(format!("position fix is {age_s} s old, expected at most {limit_s} s"));
         }
         // By its stamp, a fix from the future that is repeated is told from a new one.
         let is_repeated = self.fix_stamp == Some(fix.acq_time());

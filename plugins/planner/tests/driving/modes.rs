@@ -5,7 +5,9 @@ use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::PosesInFrame;
 use rcs_msg::rcs;
 use rcs_msg::rcs::{ArcChoice, PlanState, ProcessState};
-use rcs_planner::proto::{ModeEvent, WaypointFollowerParams};
+use rcs_planner::WaypointFollower;
+use rcs_planner::proto::{ModeEvent, TerrainCosts, WaypointFollowerParams};
+use rcs_runtime::Process;
 use rcs_testkit::bench::Bench;
 
 pub(crate) fn mode(bench: &Bench) -> (String, String) {
@@ -306,6 +308,20 @@ fn where_the_path_leads_and_the_vehicle_does_not_get_is_barred() {
         DVec2::new(at.x, at.y).distance(DVec2::new(barred.x_m, barred.y_m)) < 0.6
     });
     assert!(!enters && path.poses.len() > 20, "{barred:?}; {}", story(&bench));
+}
+
+#[test]
+fn a_bound_of_the_room_that_is_not_below_the_desired_clearance_is_refused() {
+    let check = |wish_clearance_m: f64| {
+        let params: WaypointFollowerParams = rcs_msg::params::default();
+        let costs = Some(TerrainCosts { wish_clearance_m, ..params.costs.clone().unwrap() });
+        let modes = include_str!("../../../../assets/modes/lagr.toml").to_owned();
+        WaypointFollower::check(&WaypointFollowerParams { modes, costs, ..params })
+    };
+    assert_eq!(check(0.5), Ok(()));
+    let refused = check(0.36).unwrap_err();
+    let expected = "modes: mode \"NARROW_CORRIDOR\": room_m: the bound is 0.36 m, expected less than";
+    assert!(refused.starts_with(expected), "{refused}");
 }
 
 #[test]

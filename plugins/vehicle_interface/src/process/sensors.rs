@@ -6,7 +6,7 @@ use rcs_msg::foxglove::Odometry;
 use rcs_msg::rcs::Imu;
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Cycle, In, Msg};
-use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, Repeats, pose_of};
+use rcs_sense::{FASTEST_RADPS, FASTEST_WHEEL_MPS, Repeats, pose_of, text_above};
 use serde::{Deserialize, Serialize};
 
 /// Speeds of wheels and turn rates older than this do not correct a turn, s.
@@ -63,7 +63,8 @@ impl Sensed {
         let silent_s = |at: Option<Stamp>| at.map_or(0.0, |at| now.seconds_since(at));
         let mut silent = spoke.into_iter().map(|(name, at)| (name, silent_s(at)));
         let (name, silent_s) = silent.find(|&(_, silent_s)| silent_s > timeout_s)?;
-        Some(format!("{name} silent for {silent_s:.1} s, expected at most {timeout_s} s"))
+        let silent_s = text_above(silent_s, timeout_s);
+        Some(format!("{name} silent for {silent_s} s, expected at most {timeout_s} s"))
     }
 }
 
