@@ -326,7 +326,8 @@ fn number(value: f64) -> String {
     if is_narrow { narrow.to_string() } else { value.to_string() }
 }
 
-fn show(value: &Value) -> String {
+/// A value as text.
+pub(crate) fn show(value: &Value) -> String {
     match value {
         Value::Null => "nothing".to_owned(),
         Value::Bool(v) => v.to_string(),
@@ -360,6 +361,22 @@ pub(crate) fn is_compared(buffer: &str) -> bool {
 pub(crate) fn differing(a: &AnyMessage, b: &AnyMessage) -> (String, [String; 2]) {
     let found = differing_field(a, b);
     (found.field, found.values)
+}
+
+/// All fields in which two messages of one type differ, and both values as text: in the order of the first message,
+/// then those that only the second has. A value is empty where the message does not have the field.
+pub(crate) fn differing_each(one: &Value, other: &Value) -> Vec<(String, [String; 2])> {
+    let mut others: BTreeMap<FieldPath, &Value> = other.leaves().collect();
+    let mut found: Vec<Found> = Vec::new();
+    for (path, value) in one.leaves() {
+        found.extend(match others.remove(&path) {
+            Some(other) => differing_leaf(&path, value, other),
+            None => Some(Found::only(Side::First, path.to_string(), &show(value))),
+        });
+    }
+    let second = others.iter().map(|(path, value)| Found::only(Side::Second, path.to_string(), &show(value)));
+    found.extend(second);
+    found.into_iter().map(|found| (found.field, found.values)).collect()
 }
 
 /// Of two texts that differ, the parts with the first difference, in quotes.

@@ -7,7 +7,7 @@
 //! the build or a parameter does, which says nothing of what came of it.
 
 use crate::compare::{
-    Difference, Matcher, Side, differing, differing_parts, is_compared, next_time, put_until,
+    Difference, Matcher, Side, differing, differing_each, differing_parts, is_compared, next_time, put_until,
     to_the_nanosecond,
 };
 use crate::stack::names;
@@ -22,9 +22,9 @@ pub struct RunDifference {
     /// The field of `rcs.RunInfo`, such as `seed`; `run` if only one of them is the recording of a run; empty if no field
     /// shows what differs.
     pub field: String,
-    /// Both values as text; empty where there is none. Of `params`, a parameter as `process.field = value`; of `files`,
-    /// the kinds of those that only this one has; of `live`, the executor; of long texts, the part with the first
-    /// difference.
+    /// Both values as text; empty where there is none. Of `params`, one parameter as `process.field = value`; of
+    /// `files`, the kinds of those that only this one has, sorted; of `live`, the executor; of long texts, the part
+    /// with the first difference.
     pub values: [String; 2],
 }
 
@@ -211,7 +211,7 @@ fn of_infos(a: &rcs::RunInfo, b: &rcs::RunInfo) -> Vec<RunDifference> {
     if a.stack == b.stack && a.stack_text != b.stack_text {
         pairs.push(("stack_text", differing_parts([&a.stack_text, &b.stack_text])));
     }
-    pairs.extend(a.params.iter().filter_map(|params| Some(("params", parameter(params, b)?))));
+    pairs.extend(a.params.iter().flat_map(|params| parameters(params, b)).map(|values| ("params", values)));
     pairs.push(("files", [files(a, b), files(b, a)]));
     let is_other = |(field, values): &(&str, [String; 2])| match *field {
         // Two files of one kind can differ.
@@ -222,22 +222,65 @@ fn of_infos(a: &rcs::RunInfo, b: &rcs::RunInfo) -> Vec<RunDifference> {
     pairs.into_iter().filter(is_other).map(of).collect()
 }
 
-/// The first parameter in which a process of one run differs from that of another run; `None` if they agree, or cannot
-/// be compared.
-fn parameter(params: &rcs::InitialParams, other: &rcs::RunInfo) -> Option<[String; 2]> {
-    let theirs = other.params.iter().find(|theirs| theirs.process == params.process)?;
-    if theirs.schema != params.schema || theirs.params == params.params {
-        return None;
-    }
-    let schema = registry().schema(&params.schema)?;
-    let [a, b] =
-        [params, theirs].map(|params| AnyMessage::encoded(Arc::clone(schema), params.params.clone()));
-    let (field, values) = differing(&a, &b);
-    Some(values.map(|value| format!("{}{field} = {value}", params.process)))
+/// The parameters in which a process of one run differs from that of another run; none if they agree, or cannot be
+/// compared.
+fn parameters(params: &rcs::InitialParams, other: &rcs::RunInfo) -> Vec<[String; 2]> {
+    let is_other = |theirs: &&rcs::InitialParams| {
+        theirs.process == params.process && theirs.schema == params.schema && theirs.params != params.params
+    };
+    let Some(theirs) = other.params.iter().find(is_other) else { return Vec::new() };
+    let Some(schema) = registry().schema(&params.schema) else { return Vec::new() };
+    let [Ok(one), Ok(other)] = [params, theirs].map(|params| schema.value(&params.params)) else {
+        return Vec::new();
+    };
+    let of = |field: &str, value: String| {
+        if value.is_empty() { value } else { format!("{}{field} = {value}", params.process) }
+    };
+    differing_each(&one, &other)
+        .into_iter()
+        .map(|(field, values)| values.map(|value| of(&field, value)))
+        .collect()
 }
 
-/// The kinds of the files that only the first run has.
+/// The kinds of the files that only the first run has, sorted.
 fn files(run: &rcs::RunInfo, other: &rcs::RunInfo) -> String {
     let own = run.files.iter().filter(|file| !other.files.contains(file));
-    own.map(|file| file.kind.as_str()).collect::<Vec<_>>().join(", ")
+    let kinds: BTreeSet<&str> = own.map(|file| file.kind.as_str()).collect();
+    kinds.into_iter().collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::foxglove::Vector3;
+
+    #[test]
+    fn every_parameter_that_differs_is_told_by_process() {
+        let run = |[x, y, z]: [f64; 3]| {
+            let message = AnyMessage::new(Vector3 { x, y, z });
+            let schema = message.schema().name().to_owned();
+            let params = rcs::InitialParams { process: "p".to_owned(), schema, params: message.bytes() };
+            rcs::RunInfo { params: vec![params], ..Default::default() }
+        };
+        let told = of_infos(&run([1.0, 2.0, 3.0]), &run([1.0, 5.0, 6.0]));
+        let values: Vec<_> = told.iter().map(|run| (run.field.as_str(), run.values.clone())).collect();
+        let expected = [["p.y = 2", "p.y = 5"], ["p.z = 3", "p.z = 6"]];
+        assert_eq!(values, expected.map(|values| ("params", values.map(str::to_owned))));
+    }
+
+    #[test]
+    fn the_kinds_of_different_files_are_sorted_and_each_is_told_once() {
+        let run = |files: &[[&str; 2]]| {
+            let file = |[kind, text]: &[&str; 2]| rcs::RunFile {
+                kind: (*kind).to_owned(),
+                text: (*text).to_owned(),
+            };
+            rcs::RunInfo { files: files.iter().map(file).collect(), ..Default::default() }
+        };
+        let one = run(&[["world", "1"], ["course", "1"], ["vehicle", "1"], ["look", "0"]]);
+        let other = run(&[["vehicle", "2"], ["look", "0"], ["world", "2"], ["course", "2"], ["world", "3"]]);
+        let told = of_infos(&one, &other);
+        let values = [1, 2].map(|_| "course, vehicle, world".to_owned());
+        assert_eq!(told, [RunDifference { field: "files".to_owned(), values }]);
+    }
 }

@@ -8,7 +8,7 @@
 //! - [`MapMessage`], [`MapCodec`]: a map as it is published, and as it is recorded: key frames and changed cells.
 //! - [`Experience`], [`fit`]: weights learned from what the vehicle drove over and bumped into.
 //! - [`weights_of`]: the weights in the parameters of a process; [`weights_learned`]: those that learned ones replace;
-//!   [`never_sure`]: whether others can be learned from what range sensors see.
+//!   [`never_judged`]: why others cannot be learned from a drive.
 //! - [`GridView`], [`fuse_grid`]: read any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fuse it
 //!   again with other weights.
 //!
@@ -59,7 +59,7 @@ pub use message::MapMessage;
 pub use options::MapOptions;
 pub use source::{Source, SourceNameError, Sources};
 pub use weights_params::{
-    LEARNED_WEIGHTS, never_sure, weight_field, weights_beside, weights_learned, weights_of,
+    LEARNED_WEIGHTS, never_judged, weight_field, weights_beside, weights_learned, weights_of,
 };
 
 /// The highest cost.

@@ -1,6 +1,6 @@
 //! Weights in the parameters of a process that fuses costs, found by the roles of the parameters: any process whose
 //! parameters have a list with the roles `source`, `source_weight` and `source_kind`. Also which of these weights are
-//! replaced by learned ones, and whether others can be learned from what range sensors see (`source_max_confidence`).
+//! replaced by learned ones, and whether others can be learned from a drive (`source_kind`, `source_max_confidence`).
 
 use crate::experience::SURE;
 use crate::{Source, SourceKind, Weighted, Weights};
@@ -61,17 +61,27 @@ pub fn weights_of(params: &AnyMessage) -> Option<Weights> {
     Some(weights)
 }
 
-/// Why no range sensor of the parameters is ever sure of an obstacle, so that no drive has judgements of obstacles seen from
-/// near ([`crate::Experience`]); `None` where one can be.
-pub fn never_sure(params: &AnyMessage) -> Option<String> {
+/// Why no drive with the parameters has judgements of some kind ([`crate::Experience`]): of cells that were driven
+/// over, which only a touch tells, or of obstacles seen from near, of which a range sensor has to be sure; `None` where
+/// a drive can have both.
+pub fn never_judged(params: &AnyMessage) -> Option<String> {
     let names = names(&specs(params.schema().descriptor()?))?;
-    let max_confidence = names.max_confidence.as_ref()?;
     let value = params.value().ok()?;
     let Value::List(items) = value.field(&names.list)? else { return None };
     // Without a list, the sources are the bundled ones.
     if items.is_empty() {
         return None;
     }
+    let has_touch = items.iter().any(|item| names.kind_of(item) == SourceKind::Override);
+    let untold =
+        (!has_touch).then(|| "no source of kind SOURCE_OVERRIDE tells what was driven over".to_owned());
+    let causes: Vec<String> = untold.into_iter().chain(never_sure(&names, items)).collect();
+    (!causes.is_empty()).then(|| causes.join("; "))
+}
+
+/// Why no range sensor in a list of sources is ever sure of an obstacle; `None` where one can be.
+fn never_sure(names: &Names, items: &[Value]) -> Option<String> {
+    let max_confidence = names.max_confidence.as_ref()?;
     let ranges = items.iter().filter(|item| names.kind_of(item) == SourceKind::Range);
     match ranges.filter_map(|item| item.field(max_confidence)?.as_i64()).max() {
         None => Some("no source is a range sensor, which could be sure of an obstacle".to_owned()),

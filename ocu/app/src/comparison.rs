@@ -8,6 +8,9 @@ use rcs_runtime::{Difference, LaterRecording, RunDifference, ShorterRecording};
 use serde::Serialize;
 use std::io::{self, Write};
 
+/// Greatest number of parameters that are told above the first difference.
+const MOST_PARAMETERS: usize = 20;
+
 /// Whether two runs have equal outputs, and if not, how they differ.
 #[derive(Debug, Serialize)]
 pub(crate) struct Comparison {
@@ -143,11 +146,21 @@ impl Comparison {
         (!limits.is_empty()).then(|| limits.join(", "))
     }
 
-    /// Writes a line for each thing that differs of the runs, and the difference of the messages, or a table of all with
-    /// the times from which and up to which they are compared.
+    /// Writes a line for each thing that differs of the runs, of many parameters only for some unless all is told, and
+    /// the difference of the messages, or a table of all with the times from which and up to which they are compared.
     pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        let tells_all = self.all.is_some() || self.not_compared.is_some();
+        let most = if tells_all { usize::MAX } else { MOST_PARAMETERS };
+        let mut parameters = 0;
         for run in &self.runs {
-            writeln!(out, "{}", plain(&run.line()))?;
+            let is_parameter = run.field == "params";
+            parameters += usize::from(is_parameter);
+            if !is_parameter || parameters <= most {
+                writeln!(out, "{}", plain(&run.line()))?;
+            }
+        }
+        if parameters > most {
+            writeln!(out, "{} more different parameters: --all names them", parameters - most)?;
         }
         match &self.all {
             Some(all) if !all.is_empty() => {
@@ -204,7 +217,7 @@ impl OfRuns {
         };
         let shown = |value: &String| if value.is_empty() { "none".to_owned() } else { value.clone() };
         let [one, other] = self.values.each_ref().map(shown);
-        // Two files of one kind.
+        // Files of the same kinds.
         if one == other {
             format!("different {what}: {one}")
         } else {
@@ -306,6 +319,28 @@ mod tests {
         );
         let one = "only the first is the recording of a run\nno message differs\n";
         assert_eq!(told("run", ["a run", ""], None, false), one);
+    }
+
+    #[test]
+    fn all_parameters_that_differ_are_told_where_all_is_asked_for_and_else_as_many_as_fit_on_a_screen() {
+        let log = Log::from_bytes(Vec::from(*b"\x89MCAP0\r\n").into()).unwrap();
+        let text = |count: usize, tells_all: bool| {
+            let of = |number: usize| RunDifference {
+                field: "params".to_owned(),
+                values: [1, 2].map(|value| format!("p.x{number} = {value}")),
+            };
+            let runs = (0..count).map(of).collect();
+            let mut out = Vec::new();
+            let comparison = Comparison::of_recordings([&log, &log], runs, None, None, &[], tells_all);
+            comparison.write(&mut out).unwrap();
+            String::from_utf8(out).unwrap()
+        };
+        assert!(text(2, false).contains("different parameters: p.x1 = 1 and p.x1 = 2\nno message differs\n"));
+        assert_eq!(text(MOST_PARAMETERS, false), text(MOST_PARAMETERS, true));
+        let (most, all) = (text(MOST_PARAMETERS + 3, false), text(MOST_PARAMETERS + 3, true));
+        assert!(most.contains("3 more different parameters: --all names them\n"), "{most}");
+        let lines = [&most, &all].map(|text| text.lines().count());
+        assert_eq!(lines, [MOST_PARAMETERS + 2, MOST_PARAMETERS + 4]);
     }
 
     #[test]

@@ -10,7 +10,9 @@ use rcs_log::{CursorOptions, Log};
 use rcs_msg::rcs::{CourseRun, RunInfo};
 use rcs_msg::{AnyMessage, Payload, schema_of};
 use rcs_runtime::source::{LogSource, Source, StackSource};
-use rcs_runtime::{Plan, PlanOptions, ProcessPlan, RecordedRun, RunOptions, StackError, StackFile};
+use rcs_runtime::{
+    Assets as _, Plan, PlanOptions, ProcessPlan, RecordedRun, RunOptions, StackError, StackFile,
+};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
@@ -136,21 +138,46 @@ pub(crate) fn log_of(request: &Request) -> anyhow::Result<Option<Log>> {
 
 /// The course of a stack: the given one, else that of the recorded run which it reads, so that it drives to the goal of then.
 /// `None` for the stack's own course: without a recording, for a stack without a course, and for a recording of no bundled
-/// course.
+/// course. Warns where the stack's own course has another name than that of the recording.
 pub(crate) fn course_on(stack: &str, given: Option<&str>, log: Option<&Log>) -> Option<String> {
+    let (course, warning) = course_and_warning(stack, given, log);
+    if let Some(warning) = warning {
+        tracing::warn!("{warning}");
+    }
+    course
+}
+
+/// Like [`course_on`], with the warning, which matters only where the stack runs.
+pub(crate) fn course_and_warning(
+    stack: &str,
+    given: Option<&str>,
+    log: Option<&Log>,
+) -> (Option<String>, Option<String>) {
     if let Some(given) = given {
-        return Some(given.to_owned());
+        return (Some(given.to_owned()), None);
     }
-    let log = log.filter(|_| named(stack).is_ok_and(|stack| stack.course().is_some()))?;
-    let course = first_of(log).map(|run: CourseRun| run.course).filter(|course| !course.is_empty())?;
-    if bundled::file("course", &course).is_none() {
-        tracing::warn!(
-            "the recording is of the course {course:?}, which is no bundled one: the stack drives to the goal of its own \
-             course; expected the file of that course as --course"
-        );
-        return None;
+    let recorded =
+        log.and_then(first_of).map(|run: CourseRun| run.course).filter(|course| !course.is_empty());
+    let Some(recorded) = recorded else { return (None, None) };
+    let Some(stack) = named(stack).ok().filter(|stack| stack.course().is_some()) else { return (None, None) };
+    if bundled::file("course", &recorded).is_some() {
+        return (Some(recorded), None);
     }
-    Some(course)
+    let is_own = name_of_course(&stack).is_some_and(|name| name == recorded);
+    let warning = (!is_own).then(|| {
+        format!(
+            "the recording is of the course {recorded:?}, which is neither a bundled one nor that of the stack: the \
+             stack drives to the goal of its own course; expected the file of that course as --course"
+        )
+    });
+    (None, warning)
+}
+
+/// The name in the file of a stack's own course; `None` if it cannot be read.
+fn name_of_course(stack: &StackFile) -> Option<String> {
+    let text = ProgramAssets.read("course", stack.course()?, &stack.file).ok()?.text;
+    let table: toml::Table = toml::from_str(&text).ok()?;
+    Some(table.get("name")?.as_str()?.to_owned())
 }
 
 /// The seed of a stack: the given one, else that of the recorded run which it reads, so that a stack on a recording of
@@ -312,6 +339,9 @@ pub fn options() -> RunOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::Stamp;
+    use std::collections::BTreeMap;
 
     #[test]
     fn every_bundled_stack_fits_the_plugins_and_says_what_it_is_for() {
@@ -349,6 +379,34 @@ mod tests {
         let request = Request { stack: path.to_str().map(str::to_owned), ..Request::default() };
         let problems = open(&request).unwrap().frame().info.problems.clone();
         assert!(problems.len() == 1 && problems[0].contains("mount.height_m is set"), "{problems:?}");
+    }
+
+    #[test]
+    fn a_recording_of_another_course_is_warned_of_only_where_the_stack_has_not_this_course() {
+        let dir = tempfile::tempdir().unwrap();
+        let [log, stack, course] = ["h.mcap", "hauler.toml", "own.toml"].map(|name| dir.path().join(name));
+        let mut writer = LogWriter::create(&log, WriterOptions::default()).unwrap();
+        let channel = writer.add_channel("/run", schema_of::<CourseRun>(), &BTreeMap::new()).unwrap();
+        let run = CourseRun { course: "c_hauler".to_owned(), ..CourseRun::default() };
+        let header = WriteHeader { sequence: 1, log_time: Stamp(1), publish_time: Stamp(1) };
+        writer.write(channel, header, &AnyMessage::new(run).bytes()).unwrap();
+        writer.finish().unwrap();
+        let log = open_log(&log).unwrap();
+        std::fs::write(&stack, "format = 1\nname = \"hauler\"\ncourse = \"own.toml\"\n").unwrap();
+        let warning = |stack: &str, given: Option<&str>, log: Option<&Log>| {
+            let (found, warning) = course_and_warning(stack, given, log);
+            assert_eq!(found.as_deref(), given);
+            warning
+        };
+        let stack = stack.to_str().unwrap();
+        for (name, is_other) in [("c_hauler", false), ("another", true)] {
+            std::fs::write(&course, format!("name = \"{name}\"\n")).unwrap();
+            assert_eq!(warning(stack, None, Some(&log)).is_some(), is_other, "{name}");
+        }
+        let other = warning("lagr", None, Some(&log)).unwrap();
+        assert!(other.contains("\"c_hauler\"") && other.contains("--course"), "{other}");
+        assert_eq!(warning("lagr", Some("hill"), Some(&log)), None);
+        assert_eq!(warning("lagr", None, None), None);
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     }
     let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
     let log = stacks::open_full(&args.log)?;
-    let course = stacks::course_on(&args.stack, args.course.as_deref(), Some(&log));
+    let (course, warning) = stacks::course_and_warning(&args.stack, args.course.as_deref(), Some(&log));
     let job = tune::Job {
         plan: stacks::plan(&args.stack, course.as_deref(), &overrides)?,
         process: args.process.as_deref(),
@@ -28,6 +28,10 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     };
     // Refused before the weights are learned, which takes long.
     let stack = args.output.as_ref().map(|path| stack_for(args, path)).transpose()?;
+    // On recorded maps no stack runs, so that it drives to no goal.
+    if let Some(warning) = warning.filter(|_| job.runs_on(&log).unwrap_or(false)) {
+        tracing::warn!("{warning}");
+    }
     let tuned = tune::tune(&job, &log).map_err(told)?;
     let kept = tuned.report.kept;
     if let Some((path, (file, text))) = args.output.as_ref().zip(stack).filter(|_| kept) {

@@ -6,7 +6,7 @@ mod common;
 
 use common::{json, keys, ocu, recording, text};
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
-use rcs_msg::{AnyMessage, Stamp, foxglove, schema_of};
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs, schema_of};
 use std::path::{Path, PathBuf};
 
 fn strings(list: &serde_json::Value) -> Vec<&str> {
@@ -461,13 +461,18 @@ fn commands_that_read_a_recording_list_their_exit_codes() {
 }
 
 /// A drive of 60 s along a free row, beside a row of obstacles that stereo is sure of once they are near. Terrain calls
-/// both rows the wrong way round. The obstacles are only there in some seconds.
+/// both rows the wrong way round. The obstacles are only there in some seconds. The course is no bundled one.
 fn maps_of_a_drive(path: &Path, has_obstacles: impl Fn(u32) -> bool) {
     use rcs_geom::DVec2;
     use rcs_world::{GridView, Map, MapOptions, Source, VoteRule, Weights, fuse_grid};
     let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
     let schema = schema_of::<foxglove::Grid>();
     let channel = writer.add_channel("/wm1/map", schema, &std::collections::BTreeMap::default()).unwrap();
+    let run = schema_of::<rcs::CourseRun>();
+    let course = writer.add_channel("/vehicle/run", run, &std::collections::BTreeMap::default()).unwrap();
+    let run = AnyMessage::new(rcs::CourseRun { course: "hauler".to_owned(), ..Default::default() });
+    let header = WriteHeader { sequence: 1, log_time: Stamp(1), publish_time: Stamp(1) };
+    writer.write(course, header, &run.bytes()).unwrap();
     let mut map = Map::new(0.2).unwrap();
     let options = MapOptions {
         sources: [Source::STEREO, Source::TERRAIN, Source::BUMPER].into_iter().collect(),
@@ -509,7 +514,7 @@ fn weights_are_learned_from_a_drive_and_written_into_a_stack() {
     maps_of_a_drive(&log, |_| true);
     let tune = ["tune", "--log", text(&log), "--stack", "lagr"];
     let (code, out, errors) = ocu(&[&tune[..], &["-o", text(&stack), "--json"]].concat());
-    assert_eq!(code, 0, "{errors}");
+    assert!(code == 0 && !errors.contains("hauler"), "no stack runs, so none drives to a goal: {errors}");
     let report = json(&out);
     assert_eq!((&report["process"], &report["kept"]), (&"wm1".into(), &true.into()), "{out}");
     let weight = |source: &str| {
@@ -534,6 +539,8 @@ fn weights_are_learned_from_a_drive_and_written_into_a_stack() {
     let terrain = again["weights"].as_array().unwrap().iter().find(|weight| weight["source"] == "terrain");
     assert!((terrain.unwrap()["before"].as_f64().unwrap() - after).abs() < 1e-6, "{out}");
 
+    let (code, _, errors) = ocu(&[&tune[..], &["--run"]].concat());
+    assert!(code == 2 && errors.contains("the course \"hauler\", which is neither"), "{code} {errors}");
     let (code, _, errors) = ocu(&[&tune[..], &["--process", "planner"]].concat());
     assert!(code == 2 && errors.contains("wm1"), "{code} {errors}");
     let (code, _, errors) = ocu(&[&tune[..], &["-o", "lagr"]].concat());
@@ -569,7 +576,7 @@ fn weights_that_the_other_half_of_a_drive_cannot_check_are_not_kept() {
 }
 
 #[test]
-fn a_drive_on_which_no_range_sensor_can_be_sure_of_an_obstacle_is_not_said_to_be_too_short() {
+fn a_drive_on_which_no_source_can_tell_obstacles_or_ground_is_not_said_to_be_too_short() {
     let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("drive.mcap");
     maps_of_a_drive(&log, |_| false);
@@ -580,5 +587,10 @@ fn a_drive_on_which_no_range_sensor_can_be_sure_of_an_obstacle_is_not_said_to_be
     assert!(code == 1 && errors.contains("expected 20") && !errors.contains("max_confidence"), "{errors}");
     let (code, _, errors) = ocu(&[&tune[..], &["--param", infrared.as_str()]].concat());
     let why = "no range sensor can be sure of an obstacle: the greatest max_confidence is 100, expected";
+    assert!(code == 1 && errors.contains(why), "{code} {errors}");
+    let [bumper, slip] = [5, 7].map(|source| format!("wm1.sources[{source}].kind=SOURCE_RANGE"));
+    let params = ["--param", bumper.as_str(), "--param", slip.as_str()];
+    let (code, _, errors) = ocu(&[&tune[..5], &params].concat());
+    let why = "expected 20; no source of kind SOURCE_OVERRIDE tells what was driven over";
     assert!(code == 1 && errors.contains(why), "{code} {errors}");
 }

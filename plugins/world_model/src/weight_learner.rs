@@ -14,7 +14,7 @@ use rcs_msg::foxglove::Grid;
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::FrameWatch;
 use rcs_world::{
-    Experience, Fit, FitRules, GridView, GridViewError, Judged, Outcome, Weights, fit, never_sure,
+    Experience, Fit, FitRules, GridView, GridViewError, Judged, Outcome, Weights, fit, never_judged,
 };
 use serde::{Deserialize, Serialize};
 
@@ -158,7 +158,7 @@ impl Process for WeightLearner {
                     format!("no better weights for {} judgements", learned.experience.samples().len())
                 }
                 Err(why) => {
-                    let cause = cx.latest(&ports.params).and_then(|params| never_sure(params.message()));
+                    let cause = cx.latest(&ports.params).and_then(|params| never_judged(params.message()));
                     let cause = cause.map_or_else(String::new, |cause| format!("; {cause}"));
                     format!("too little experience: {why}{cause}")
                 }

@@ -13,7 +13,7 @@ use rcs_msg::{AnyMessage, Stamp, schema_of};
 use rcs_runtime::{Plan, ProcessPlan, RunOptions, Stepped};
 use rcs_sense::FrameWatch;
 use rcs_world::{Experience, Fit, FitRules, GridView, Judged, MapMessage, Samples, SourceKind, Weighted};
-use rcs_world::{Weights, fit, never_sure, weight_field, weights_of};
+use rcs_world::{Weights, fit, never_judged, weight_field, weights_of};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
@@ -32,6 +32,15 @@ pub struct Job<'a> {
     pub runs: bool,
     /// Options of the run.
     pub options: RunOptions,
+}
+
+impl Job<'_> {
+    /// Whether the stack runs on this recording.
+    pub fn runs_on(&self, log: &Log) -> Result<bool, EvalError> {
+        let (process, _) = weighted(self)?;
+        let buffer = map_of(&self.plan, process)?;
+        Ok(self.runs || log.info().topics_named(buffer).next().is_none())
+    }
 }
 
 /// A weight.
@@ -94,11 +103,10 @@ pub fn tune(job: &Job<'_>, log: &Log) -> Result<Tuned, EvalError> {
     let (process, weights) = weighted(job)?;
     let buffer = map_of(&job.plan, process)?;
     let mut maps = Maps { experience: Experience::new(&weights), frame: FrameWatch::default(), count: 0 };
-    let is_recorded = log.info().topics_named(buffer).next().is_some();
-    if is_recorded && !job.runs {
-        maps.read(log, buffer)?;
-    } else {
+    if job.runs_on(log)? {
         maps.run(job, log, buffer)?;
+    } else {
+        maps.read(log, buffer)?;
     }
     let Maps { experience, count, .. } = maps;
     if count == 0 {
@@ -113,7 +121,7 @@ pub fn tune(job: &Job<'_>, log: &Log) -> Result<Tuned, EvalError> {
 
 /// Why experience does not suffice, and the cause where a longer drive does not help.
 fn with_cause(why: String, process: &ProcessPlan) -> String {
-    match never_sure(&process.params) {
+    match never_judged(&process.params) {
         Some(cause) => format!("{why}; {cause}"),
         None => why,
     }

@@ -207,8 +207,8 @@ pub struct EvalPlanArgs {
                         blocked and of which the fused map knows less than 90 % is not judged. Each source alone is \
                         judged on the same arcs; what it does not know blocks nothing.\n\n\
                         A thing is in the way while it is the first true thing on an arc. It is late if it was in the \
-                        way from at least 2 m, came nearer, and did not block an arc at 2 m or more. Long things are \
-                        counted in parts of about 1.5 m.\n\n\
+                        way from at least 2 m, came nearer later, and did not block an arc at 2 m or more by then. \
+                        Long things are counted in parts of about 1.5 m.\n\n\
                         A thing is sighted from each pose 2 m to 5 m before it at which it is in the way, within the \
                         angle of view, not hidden from the cameras, taken as one eye above the front, and has been so \
                         over the last 0.5 m. The report says, by distance, from how many of these poses it blocks the arc. \

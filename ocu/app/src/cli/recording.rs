@@ -18,7 +18,7 @@ pub struct DiffArgs {
     pub first: PathBuf,
     /// Recording with which it is compared; of one that was split, the folder or the first file
     pub second: PathBuf,
-    /// Tell the first difference of each buffer, not only the first of all
+    /// Tell the first difference of each buffer, not only the first of all, and more than 20 different parameters
     #[arg(long)]
     pub all: bool,
     /// Print the result as JSON

@@ -9,7 +9,9 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  ocu tune --log drive.mcap --stack lagr\n  \
                   ocu tune --log drive.mcap --stack lagr --process wm2 -o tuned.toml\n\n\
                   The maps of the drive tell what each source said of cells that the vehicle drove over, bumped into, \
-                  or saw from near later. Weights are fitted to every other stretch of ten seconds and checked on \
+                  or saw from near later. What was driven over, only a source of kind SOURCE_OVERRIDE tells, as the \
+                  bumper of lagr does: without one, nothing is learned.\n\n\
+                  Weights are fitted to every other stretch of ten seconds and checked on \
                   the rest: they are kept if they do better there, too. The maps are those of the recording if it \
                   has some, else the stack runs on it; --run lets it run in any case. So drive.mcap is a recording of \
                   lagr with its maps.\n\n\

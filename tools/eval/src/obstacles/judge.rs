@@ -2,7 +2,9 @@
 
 use super::Settings;
 use super::arc::{Arc, Covered, Sweep, covered};
-use super::report::{ArcCounts, FirstBlock, JudgedFor, Layer, Report, Shares, ThingReport, bands, pct};
+use super::report::{
+    ArcCounts, FirstBlock, IN_TIME_M, JudgedFor, Layer, Report, Shares, ThingReport, bands, pct,
+};
 use super::sightings::{Eye, Sighting, Sightings};
 use super::truth::Truth;
 use crate::EvalError;
@@ -52,6 +54,10 @@ struct Wrong {
 struct Met {
     in_the_way_m: [f64; 2],
     in_the_way_s: f64,
+    /// Whether it was 2 m away or more on each arc at a pose.
+    was_far: bool,
+    /// When it was first nearer than that on an arc, at a later pose.
+    nearer_s: Option<f64>,
     first_blocks: Vec<FirstBlock>,
 }
 
@@ -131,10 +137,9 @@ impl Judge {
         self.driven_m += moved_m.unwrap_or(0.0);
         self.maps += 1;
 
-        let longest = self.settings.lengths_m.iter().copied().fold(0.0, f64::max);
         let sweep = Sweep {
             half_width_m: self.settings.width_m / 2.0,
-            along_m: [self.settings.front_m, self.settings.front_m + longest],
+            along_m: [self.settings.front_m, self.end_m()],
             tolerance_m: self.settings.tolerance_m,
         };
         let true_view = GridView::new(&truth.grid).map_err(refused)?;
@@ -150,6 +155,7 @@ impl Judge {
         let sightings = self.sightings.take(self.driven_m, in_view);
         let cells = covered(view, &pose, &self.arcs, &sweep);
         let fused: Vec<f64> = view.field("cost").map_err(refused)?.values().collect();
+        self.meet(&true_arcs, time_s);
         let decided = self.count(&true_arcs, &cells, &fused);
         self.judge_layer(FUSED, &fused, &true_arcs, &cells, &decided, time_s);
         self.judge_sightings(FUSED, &fused, &cells, &sightings);
@@ -159,6 +165,37 @@ impl Judge {
             self.judge_sightings(source.name(), &costs, &cells, &sightings);
         }
         Ok(())
+    }
+
+    /// Where the longest arcs end, from the origin of the vehicle's frame, m.
+    fn end_m(&self) -> f64 {
+        self.settings.front_m + self.settings.lengths_m.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Notes how far away the things are that are in the way at a pose.
+    fn meet(&mut self, truth: &[TrueArc], time_s: f64) {
+        let (front_m, end_m) = (self.settings.front_m, self.end_m());
+        let mut distances_m: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+        for Hit { along_m, thing, .. } in truth.iter().filter_map(|arc| arc.hit_before(end_m)) {
+            let distance_m = along_m - front_m;
+            let known_m = distances_m.entry(thing).or_insert([distance_m; 2]);
+            *known_m = [known_m[0].max(distance_m), known_m[1].min(distance_m)];
+        }
+        for (thing, [far_m, near_m]) in distances_m {
+            let met = self.things.entry(thing).or_insert(Met {
+                in_the_way_m: [far_m, near_m],
+                in_the_way_s: time_s,
+                was_far: false,
+                nearer_s: None,
+                first_blocks: Vec::new(),
+            });
+            met.in_the_way_m = [met.in_the_way_m[0].max(far_m), met.in_the_way_m[1].min(near_m)];
+            if near_m >= IN_TIME_M {
+                met.was_far = true;
+            } else if met.was_far && met.nearer_s.is_none() {
+                met.nearer_s = Some(time_s);
+            }
+        }
     }
 
     /// Counts the arcs of each length; returns what each is, `None` where it is not judged.
@@ -218,30 +255,12 @@ impl Judge {
                 }
             }
         }
-        let longest = lengths_m.iter().copied().fold(0.0, f64::max);
+        let end_m = self.end_m();
         for (truth, cells) in truth.iter().zip(cells) {
-            let Some(Hit { along_m, thing, .. }) =
-                truth.first.filter(|_| truth.is_blocked(front_m + longest))
-            else {
-                continue;
-            };
-            let distance_m = along_m - front_m;
-            let met = self.things.entry(thing).or_insert(Met {
-                in_the_way_m: [distance_m; 2],
-                in_the_way_s: time_s,
-                first_blocks: Vec::new(),
-            });
-            met.in_the_way_m = [met.in_the_way_m[0].max(distance_m), met.in_the_way_m[1].min(distance_m)];
-            if met.first_blocks.iter().any(|block| block.layer == name && block.time_s < time_s) {
-                continue;
-            }
+            let Some(Hit { along_m, thing, .. }) = truth.hit_before(end_m) else { continue };
+            let Some(met) = self.things.get_mut(&thing) else { continue };
             if blocks_at(cells, costs, along_m) {
-                // Of several arcs at one time the one on which the thing is farthest counts.
-                let known = met.first_blocks.iter_mut().find(|block| block.layer == name);
-                match known {
-                    Some(block) => block.distance_m = block.distance_m.max(distance_m),
-                    None => met.first_blocks.push(FirstBlock { layer: name.to_owned(), distance_m, time_s }),
-                }
+                met.note_block(name, along_m - front_m, time_s);
             }
         }
     }
@@ -280,6 +299,7 @@ impl Judge {
                 y_m: thing.at.y,
                 in_the_way_m: met.in_the_way_m,
                 in_the_way_s: met.in_the_way_s,
+                nearer_s: met.nearer_s,
                 first_blocks: met.first_blocks.clone(),
                 sightings: self.sightings.of(*number),
             })
@@ -315,6 +335,31 @@ impl Judge {
     }
 }
 
+impl Met {
+    /// Notes that a layer blocks an arc because of it. Of several arcs at one time the one on which it is farthest
+    /// counts.
+    fn note_block(&mut self, layer: &str, distance_m: f64, time_s: f64) {
+        let is_before_near = self.nearer_s.is_none_or(|nearer_s| time_s <= nearer_s);
+        match self.first_blocks.iter_mut().find(|block| block.layer == layer) {
+            Some(block) => {
+                let is_first = block.time_s == time_s;
+                if is_first {
+                    block.distance_m = block.distance_m.max(distance_m);
+                }
+                if is_first || is_before_near {
+                    block.farthest_m = block.farthest_m.max(distance_m);
+                }
+            }
+            None => self.first_blocks.push(FirstBlock {
+                layer: layer.to_owned(),
+                distance_m,
+                time_s,
+                farthest_m: distance_m,
+            }),
+        }
+    }
+}
+
 impl TrueArc {
     fn new(cells: &[Covered], thing: &[Option<u32>]) -> TrueArc {
         let (mut first, mut near_m): (Option<Hit>, f64) = (None, f64::INFINITY);
@@ -328,8 +373,13 @@ impl TrueArc {
         TrueArc { first, near_m }
     }
 
+    /// The first blocked cell, if the arc has one before this distance, m.
+    fn hit_before(&self, end_m: f64) -> Option<Hit> {
+        self.first.filter(|hit| hit.along_m <= end_m)
+    }
+
     fn is_blocked(&self, end_m: f64) -> bool {
-        self.first.is_some_and(|hit| hit.along_m <= end_m)
+        self.hit_before(end_m).is_some()
     }
 }
 

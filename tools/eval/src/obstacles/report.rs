@@ -55,7 +55,8 @@ pub struct Layer {
     pub name: String,
     /// In the order of [`Report::arcs`].
     pub arcs: Vec<Shares>,
-    /// Things that were in the way from at least 2 m, came nearer than that, and did not block the way at 2 m or more.
+    /// Things that were in the way from at least 2 m, came nearer than that later, and did not block the way at 2 m or
+    /// more by then.
     pub late_things: u64,
     /// Things sighted from less than 3 m, to which it did not block the way from the nearest pose at 2 m or more.
     pub missed_things: u64,
@@ -106,6 +107,9 @@ pub struct ThingReport {
     pub in_the_way_m: [f64; 2],
     /// When it came into the way, s since the first judged map.
     pub in_the_way_s: f64,
+    /// When it was first nearer than 2 m on an arc after a pose at which it was 2 m away or more on each one, s since
+    /// the first judged map; `None` (null in JSON) if it never was.
+    pub nearer_s: Option<f64>,
     /// Where and when it first blocked an arc, for each layer that ever blocked one there.
     pub first_blocks: Vec<FirstBlock>,
     /// Whether it blocked the way at the poses from which it was sighted, for each layer; empty where it never was.
@@ -156,17 +160,19 @@ pub struct FirstBlock {
     pub distance_m: f64,
     /// Time, s since the first judged map.
     pub time_s: f64,
+    /// Greatest distance at which it blocked an arc at that time, or at another one up to [`ThingReport::nearer_s`],
+    /// m.
+    pub farthest_m: f64,
 }
 
 /// Distance at which a thing must block the way, m.
 pub(crate) const IN_TIME_M: f64 = 2.0;
 
 impl ThingReport {
-    /// Whether the vehicle could have known of it at 2 m, came nearer, and a layer did not block the way there.
+    /// Whether the vehicle could have known of it at 2 m, came nearer, and a layer did not block the way there by then.
     pub fn is_late(&self, layer: &str) -> bool {
-        let [far, near] = self.in_the_way_m;
         let block = self.first_blocks.iter().find(|block| block.layer == layer);
-        far >= IN_TIME_M && near < IN_TIME_M && block.is_none_or(|block| block.distance_m < IN_TIME_M)
+        self.nearer_s.is_some() && block.is_none_or(|block| block.farthest_m < IN_TIME_M)
     }
 
     /// Whether it was sighted in the nearest band, and a layer did not block the way to it from the nearest pose.

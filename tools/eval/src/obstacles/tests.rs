@@ -141,6 +141,32 @@ fn a_thing_is_late_if_it_was_in_the_way_from_far_and_blocked_only_when_near() {
     assert_eq!([late(0), late(4)], [0, 1]);
 }
 
+#[test]
+fn a_thing_that_is_met_from_near_is_late_only_if_it_is_approached_once_more_and_not_known() {
+    let settings = Settings { lengths_m: vec![3.0], arcs: 1, ..Settings::default() };
+    // At each position, m: whether the map shows the thing at 2.7 m.
+    let late = |drive: &[(f64, bool)]| {
+        let mut judge = Judge::new(&settings);
+        judge.take_truth(true_map(&[], &[cell(2.7, 0.1)])).unwrap();
+        for (step, &(x_m, shows)) in drive.iter().enumerate() {
+            let (pose, time) = (Pose::from_xy_yaw(x_m, 0.0, 0.0), Stamp(1 + step as u64 * 500_000_000));
+            judge.take_true_pose(time, pose);
+            judge.take_pose(time, pose);
+            let seen: &[DVec2] = if shows { &[DVec2::new(2.7, 0.1)] } else { &[] };
+            judge.take_map(time, &GridView::new(&map(seen)).unwrap()).unwrap();
+        }
+        judge.report().unwrap().layers[0].late_things
+    };
+    // From 1 m before it back to 2.5 m before it: it was never far before it was near.
+    assert_eq!(late(&[(1.5, true), (0.75, true), (0.0, true)]), 0);
+    assert_eq!(late(&[(1.5, false), (0.75, false), (0.0, false)]), 0);
+    // Then to it once more: what it blocked at 2 m or more counts, though it first blocked at 1 m.
+    assert_eq!(late(&[(1.5, true), (0.0, true), (1.5, true)]), 0);
+    assert_eq!(late(&[(1.5, true), (0.0, false), (1.5, true)]), 1);
+    // What it blocks at 2 m or more after that is too late.
+    assert_eq!(late(&[(0.0, false), (1.5, true), (0.0, true)]), 1);
+}
+
 /// Drives towards a thing to 2.61 m before it, with a map that shows it in these steps of 0.25 m. It is on the arc from
 /// the fourth step on (5.11 m) and sighted from the sixth one (4.61 m).
 fn approached(shows: std::ops::Range<usize>) -> Report {
