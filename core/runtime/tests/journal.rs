@@ -10,7 +10,8 @@ use rcs_msg::{AnyMessage, DeferredSource as _, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Task, finish_idle};
 use rcs_runtime::{
     Difference, EventPlace, ExternalEvent, Live, LiveOptions, NoAssets, PastOptions, Plan, RecordOptions,
-    RecordWhat, RecordedRun, Recording, Replay, RunOptions, StackFile, Stepped, diff, diff_each, diff_runs,
+    RecordWhat, RecordedRun, Recording, Replay, RunId, RunOptions, StackFile, Stepped, diff, diff_each,
+    diff_runs,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -473,4 +474,26 @@ fn the_past_of_a_repeated_live_run_goes_to_disk_and_goes_on_from_there_with_what
     source.seek(seconds(10.0), &task).unwrap();
     source.write("/counter/params", params(3.0).message).unwrap();
     assert_eq!((parameter(&mut source, seconds(59.0)), parameter(&mut source, Stamp::MAX)), (3.0, 9.0));
+}
+
+#[test]
+fn a_repeated_run_goes_on_beyond_the_recorded_end_only_after_an_act_of_the_operator() {
+    let (_folder, path) = folder();
+    record(&path, RecordWhat::Journal);
+    let recorded = RecordedRun::read(&Log::open(&path).unwrap(), PLUGINS).unwrap();
+    let plan = recorded.plan(PLUGINS).unwrap();
+    let mut source = StackSource::repeating(&recorded, &plan, None, RunOptions::default()).unwrap();
+    let (task, end) = (Task::default(), recorded.end());
+    let reaches = |source: &mut StackSource| {
+        source.seek(seconds(3.0), &task).unwrap();
+        (source.now(), source.frame().info.end)
+    };
+    assert_eq!(reaches(&mut source), (end, Some(end)));
+    source.seek(seconds(1.5), &task).unwrap();
+    source.write("/counter/params", params(3.0).message).unwrap();
+    assert_eq!(reaches(&mut source), (seconds(3.0), None), "another run");
+    source.switch_run(RunId(0)).unwrap();
+    assert_eq!(reaches(&mut source), (end, Some(end)), "the recorded one");
+    source.write("/counter/params", params(3.0).message).unwrap();
+    assert_eq!(reaches(&mut source), (seconds(3.0), None), "an act at the recorded end");
 }

@@ -6,11 +6,12 @@ mod common;
 
 use common::{seconds, write_log};
 use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
-use rcs_msg::{Stamp, foxglove, schema_of};
-use rcs_runtime::source::{LogSource, Source, Task};
+use rcs_msg::{Schema, Stamp, foxglove, rcs, schema_of};
+use rcs_runtime::source::{LogSource, RunTag, Source, Task, Topic};
 use rcs_testkit::logs::SharedSink;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A recording of a topic with 20 Hz for ten seconds and then 1 Hz, and of another one that stops then.
 fn slower_and_silent() -> (LogSource, tempfile::TempDir) {
@@ -58,7 +59,9 @@ fn a_topic_that_falls_silent_early_in_a_long_recording_keeps_its_rate() {
     let scans = (0..50).map(|i| (f64::from(i) * 0.1, "/scan", 0.0));
     // Two publishers at the start, of what holds for all of the recording.
     let maps = [(0.0, "/map", 0.0), (0.5, "/map", 0.0)];
-    let mut messages: Vec<_> = scans.chain(maps).collect();
+    // Two messages later on.
+    let goals = [(3.0, "/goal", 0.0), (3.5, "/goal", 0.0)];
+    let mut messages: Vec<_> = scans.chain(maps).chain(goals).collect();
     messages.extend((0..600).map(|i| (f64::from(i), "/clock", 0.0)));
     messages.sort_by(|a, b| a.0.total_cmp(&b.0));
     write_log(&path, &messages);
@@ -69,11 +72,35 @@ fn a_topic_that_falls_silent_early_in_a_long_recording_keeps_its_rate() {
     }
     let [jumped, on] = rates_both_ways(&path, 20, "/map");
     assert!((jumped - 2.0).abs() < 1e-9 && jumped == on, "{jumped} and {on} Hz");
-    // Its age is judged by a lower rate: it does not become old.
+    // Their age is judged by a lower rate, and what was sent in the first second alone does not become old.
     let mut source = LogSource::open(&path).unwrap();
     source.seek(seconds(20.0), &Task::default()).unwrap();
-    let due_hz = source.frame().topic("/map").unwrap().due_hz().unwrap();
-    assert!((due_hz - 2.0 / 599.0).abs() < 1e-9, "{due_hz}");
+    let due_hz = |topic: &str| source.frame().topic(topic).unwrap().due_hz().unwrap();
+    let [map_hz, goal_hz] = ["/map", "/goal"].map(due_hz);
+    assert_eq!(map_hz, 0.0);
+    assert!((goal_hz - 2.0 / 599.0).abs() < 1e-9, "{goal_hz}");
+}
+
+#[test]
+fn of_what_stays_in_force_no_message_is_due() {
+    let due_hz = |schema: &Arc<Schema>, writer: &str| {
+        let mut topic = Topic::new("/a", RunTag::FIRST, Arc::clone(schema));
+        (topic.hz, topic.writer) = (Some(0.5), writer.into());
+        topic.due_hz()
+    };
+    for (schema, writer) in [
+        (schema_of::<rcs::RunInfo>(), "runtime"),
+        (schema_of::<rcs::ProcessInfo>(), "runtime"),
+        (schema_of::<rcs::JournalEvent>(), "runtime"),
+        (schema_of::<rcs::Command>(), "planner"),
+        (schema_of::<rcs::EmergencyStop>(), ""),
+        // Parameters of a process.
+        (schema_of::<rcs::SpeedLimit>(), "operator"),
+    ] {
+        assert_eq!(due_hz(schema, writer), None, "{}", schema.name());
+    }
+    assert_eq!(due_hz(schema_of::<rcs::Status>(), "planner"), Some(0.5));
+    assert_eq!(due_hz(schema_of::<rcs::DriveCommand>(), ""), Some(0.5), "an old one is not obeyed");
 }
 
 #[test]

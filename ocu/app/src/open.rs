@@ -123,6 +123,12 @@ impl Request {
         Self { remembered: Some(Arc::new(remembered)), seed, ..self.clone() }
     }
 
+    /// Whether it runs the same stack on the same recording and course. The seed, and what an earlier run remembers, may
+    /// differ.
+    pub fn repeats(&self, other: &Self) -> bool {
+        *self == Self { seed: self.seed, remembered: self.remembered.clone(), ..other.clone() }
+    }
+
     /// The request for its recording as it is, with all files that are named; `None` without a recording.
     pub fn recording(&self) -> Option<Self> {
         let log = Some(self.log.clone()?);
@@ -182,6 +188,16 @@ mod tests {
         assert!(hill.waits() && !Request { stack: Some("simulation".into()), ..hill }.waits());
         let log = Request::of(&WindowArgs { log: Some("a.mcap".into()), ..WindowArgs::default() });
         assert_eq!((log.log, log.stack), (Some("a.mcap".into()), None));
+    }
+
+    #[test]
+    fn the_next_run_and_another_seed_repeat_a_request_and_another_course_does_not() {
+        let current = Request { course: Some("hill".into()), ..Request::simulation() };
+        assert!(current.remembering(Remembered::default(), Some(1)).repeats(&current));
+        assert!(Request { seed: Some(2), ..current.clone() }.repeats(&current));
+        assert!(!Request { course: Some("meadow".into()), ..current.clone() }.repeats(&current));
+        assert!(!Request { stack: Some("husky".into()), ..current.clone() }.repeats(&current));
+        assert!(!Request { log: Some("a.mcap".into()), ..current.clone() }.repeats(&current));
     }
 
     #[test]

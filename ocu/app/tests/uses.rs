@@ -300,7 +300,10 @@ fn a_run_is_recorded_from_the_window_and_the_file_opens_and_repeats() {
 fn what_a_run_remembers_is_saved_and_another_run_begins_with_it() {
     let dir = tempfile::tempdir().unwrap();
     let request = ocu_app::open::Request { stack: Some("lagr".to_owned()), ..Default::default() };
-    let layout = Some(Layout::empty());
+    let view = r#"View(kind: "conditions")"#;
+    let text =
+        format!("Layout(version: 1, name: \"conditions\", buffers: false, root: Row([(1.0, {view})]))");
+    let layout = Some(Layout::parse("conditions.ron", &text).unwrap());
     let mut harness = open(Options { request, layout, ..Options::default() });
     let models = |frame: &rcs_runtime::source::Frame| {
         let params = frame.topic("/terrain/params")?.latest.as_ref()?.message.value().ok()?;
@@ -312,6 +315,8 @@ fn what_a_run_remembers_is_saved_and_another_run_begins_with_it() {
     harness.key_press(Key::Space);
     wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
     let of_stack = models(&frame(&harness).unwrap());
+    let unsent = "/wm1/status.faults > 0";
+    type_text(&mut harness, "New condition", unsent);
 
     let choose = |harness: &mut egui_kittest::Harness<'_, common::window::State>, seed: u64, name: &str| {
         harness.get_by_label_contains(&format!("seed {seed}")).click();
@@ -332,6 +337,12 @@ fn what_a_run_remembers_is_saved_and_another_run_begins_with_it() {
     wait_until(&mut harness, "the next run", begins);
     assert!(is_told(&harness, "meadow, seed 1"));
     assert!(is_told(&harness, "is given what an earlier run remembers: "));
+    let written = harness.get_by_label("New condition").value();
+    assert_eq!(written.as_deref(), Some(unsent), "what was not sent stays");
+    harness.get_by_label_contains("seed 1").click();
+    harness.run_steps(3);
+    let seed = harness.get_by_role(egui::accesskit::Role::SpinButton).value();
+    assert_eq!(seed.as_deref(), Some("1"), "the seed of this run");
 
     let other = dir.path().join("other.json");
     std::fs::write(&other, r#"{"format": 2, "remembered": {}}"#).unwrap();

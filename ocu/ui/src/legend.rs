@@ -1,5 +1,6 @@
 //! Legends and scale bars, drawn on a canvas.
 
+use crate::short_name::with_name;
 use crate::{format, short_name, tokens};
 use egui::{
     Align, Color32, FontId, Galley, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder,
@@ -14,12 +15,6 @@ const SWATCH: f32 = 14.0;
 fn small_name(ui: &Ui, name: &str, others: &[&str], room: f32) -> Arc<Galley> {
     let font = egui::TextStyle::Small.resolve(ui.style());
     short_name::galley(ui.painter(), name, others, &font, tokens(ui).text, room)
-}
-
-/// Names a widget for screen readers, and for the pointer where its text does not show the whole name.
-fn with_name(response: Response, name: &str, shown: &Galley) -> Response {
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, name));
-    if shown.text() == name { response } else { response.on_hover_text(name) }
 }
 
 /// A name above a scale of a legend, shortened where it is wider than the legend may be.

@@ -1,7 +1,9 @@
 //! Names that are shortened to the room that they have, so that they can still be told from each other.
 
 use egui::text::LayoutJob;
-use egui::{Align, Align2, Color32, FontId, Galley, Painter, Rect};
+use egui::{
+    Align, Align2, Color32, FontId, Galley, Painter, Rect, Response, Role, Sense, TextStyle, Ui, WidgetInfo,
+};
 use std::sync::Arc;
 
 /// Number of characters after the first one that differs from another name that are shown, where there is room.
@@ -74,6 +76,23 @@ pub fn galley(
         }
         most -= 1;
     }
+}
+
+/// A label with a name, [`shortened`] to the room that is left in its row. Where it is shortened, the pointer shows it
+/// whole.
+pub fn label(ui: &mut Ui, name: &str, others: &[&str]) -> Response {
+    let font = TextStyle::Body.resolve(ui.style());
+    let color = ui.visuals().text_color();
+    let galley = galley(ui.painter(), name, others, &font, color, ui.available_width());
+    let (rect, response) = ui.allocate_exact_size(galley.size(), Sense::hover());
+    ui.painter().galley(rect.min, Arc::clone(&galley), color);
+    with_name(response, name, &galley)
+}
+
+/// Names a widget for screen readers, and for the pointer where its text does not show the whole name.
+pub(crate) fn with_name(response: Response, name: &str, shown: &Galley) -> Response {
+    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, name));
+    if shown.text() == name { response } else { response.on_hover_text(name) }
 }
 
 /// A table cell with a name, [`shortened`] to the width of the cell, painted without a widget of its own.

@@ -39,7 +39,7 @@ pub struct Hover {
     pub point: Option<HoverPoint>,
     /// A time of the source.
     pub time: Option<Stamp>,
-    /// The frame of a map with a mission that is being drawn and has a change to take back.
+    /// The frame of a map with a mission that is being drawn and has a change to take back or to do again.
     pub mission: Option<Arc<str>>,
 }
 

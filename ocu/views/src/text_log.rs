@@ -200,6 +200,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, event: &Event, is_past: bool) {
     }
     let ink = if is_past { tokens.text } else { tokens.weak };
     let (icon, color) = look(event, tokens);
+    let color = if is_past { color } else { tokens.weak };
     let wide = rect.width() >= 420.0;
     let mut left = rect.left() + 8.0;
     let mut place = |width: f32| {

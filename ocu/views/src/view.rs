@@ -80,6 +80,12 @@ impl Selection {
         let Some(map) = self.hovered.get().mission.as_deref() else { return false };
         self.drafts.missions.get_mut(map).is_some_and(MissionDraft::undo)
     }
+
+    /// Does the change again that was taken back last, as [`Self::undo_under_pointer`]; whether there was one.
+    pub fn redo_under_pointer(&mut self) -> bool {
+        let Some(map) = self.hovered.get().mission.as_deref() else { return false };
+        self.drafts.missions.get_mut(map).is_some_and(MissionDraft::redo)
+    }
 }
 
 /// Work that was not sent. It outlives the views in which it is done, so that another layout loses none of it, and views of

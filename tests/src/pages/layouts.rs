@@ -8,7 +8,7 @@ const FILE: &str = "ocu/app/src/layout.rs";
 /// Views that keep something, with the file of their `Saved`.
 const KEPT: [(&str, &str); 5] = [
     ("camera", "ocu/views/src/camera/mod.rs"),
-    ("map", "ocu/views/src/map/mod.rs"),
+    ("map", "ocu/views/src/map/saved.rs"),
     ("buffers", "ocu/views/src/buffers/mod.rs"),
     ("fields", "ocu/views/src/fields/mod.rs"),
     ("log", "ocu/views/src/text_log.rs"),

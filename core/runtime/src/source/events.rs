@@ -5,11 +5,11 @@
 //! background), and only appends. A frame refers to the events of each run with a length, so that a longer run makes no
 //! frame more expensive.
 
+use super::acts::{self, Described};
 use super::known::Known;
 use super::per_run::{Gathered, Written};
 use super::run_tag::RunTag;
 use rcs_msg::rcs::diagnostic::Level;
-use rcs_msg::rcs::r#override::Mode;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -26,19 +26,16 @@ const EVENT_TYPES: [&str; 8] = [
     "foxglove.Log",
     "rcs.Diagnostics",
 ];
-/// Driving by hand is one event until nothing was commanded for this time.
-const HAND_S: f64 = 1.0;
 /// A text of a state is an event again after it was not seen for this time.
 const QUIET_S: f64 = 10.0;
 /// Texts of states that are remembered of a process.
 const MOST_TEXTS: usize = 64;
 /// Parts whose level is remembered of a topic with diagnostics.
 const MOST_PARTS: usize = 10_000;
-/// The writer of what the operator writes, in a journal.
-const OPERATOR: &str = "operator";
 
+/// Whether messages of this type may have events, or say what is needed to tell those of others.
 pub(crate) fn is_event_type(name: &str) -> bool {
-    EVENT_TYPES.contains(&name)
+    EVENT_TYPES.contains(&name) || acts::is_describing_type(name)
 }
 
 /// What kind of event it is: its lane in the timeline.
@@ -264,6 +261,7 @@ impl Events {
 pub(crate) struct EventWatch {
     store: Arc<RwLock<Store>>,
     known: BTreeMap<Arc<str>, Known>,
+    described: Described,
     /// For each event, the number of messages of the run up to the one in which it was found. Empty for a recording, from
     /// which no run branches.
     found_at: Vec<u64>,
@@ -291,6 +289,7 @@ impl Gathered for EventWatch {
         Self {
             store: events.store,
             known: known.collect(),
+            described: self.described.clone(),
             found_at: self.found_at[..shared].to_vec(),
             messages: at.messages,
         }
@@ -325,7 +324,13 @@ impl EventWatch {
                 add(EventKind::Operator, EventLevel::Warning, topic, text.to_owned());
             }
         } else if let Some(event) = message.get::<rcs::JournalEvent>() {
-            journal_events(known, at, event, &mut add);
+            if let Some(text) = acts::told(known, &self.described, at, event) {
+                add(EventKind::Operator, EventLevel::Info, &event.buffer, text);
+            }
+        } else if let Some(process) = message.get::<rcs::ProcessInfo>() {
+            self.described.take_process(process);
+        } else if let Some(run) = message.get::<rcs::RunInfo>() {
+            self.described.take_run(run);
         } else if let Some(status) = message.get::<rcs::VehicleStatus>() {
             if status.refused > known.refusals.get().copied().unwrap_or(0) {
                 add(
@@ -403,47 +408,6 @@ fn status_events(
             let text = format!("refused {} of {}: {}", refused.command, refused.writer, refused.reason);
             add(EventKind::Error, EventLevel::Warning, &status.process, text);
         }
-    }
-}
-
-fn journal_events(
-    known: &mut Known,
-    at: Written,
-    event: &rcs::JournalEvent,
-    add: &mut impl FnMut(EventKind, EventLevel, &str, String),
-) {
-    if event.writer != OPERATOR {
-        return;
-    }
-    let text = match event.schema.as_str() {
-        // Found in the buffers themselves.
-        "rcs.EmergencyStop" | "rcs.Command" => return,
-        "rcs.DriveCommand" => {
-            if known.driven.goes_on(at, HAND_S) {
-                return;
-            }
-            "drives by hand".to_owned()
-        }
-        "rcs.Override" => {
-            let change = <rcs::Override as prost::Message>::decode(event.message.clone()).ok();
-            let told = change.as_ref().and_then(crate::faults::told);
-            told.or_else(|| change.as_ref().map(overridden)).unwrap_or_else(|| "writes Override".to_owned())
-        }
-        schema => format!("writes {}", schema.rsplit('.').next().unwrap_or(schema)),
-    };
-    add(EventKind::Operator, EventLevel::Info, &event.buffer, text);
-}
-
-/// What an override of the operator does.
-fn overridden(change: &rcs::Override) -> String {
-    let what = format!("{}{}", change.buffer, change.path);
-    let value = if change.path.is_empty() { "a whole message" } else { change.value_json.as_str() };
-    match change.mode() {
-        Mode::Hold => format!("holds {what} = {value}"),
-        Mode::Once => format!("writes {what} = {value} into the next message"),
-        Mode::Release if change.id != 0 => format!("releases override {}", change.id),
-        Mode::Release if change.all && change.buffer.is_empty() => "releases all overrides".to_owned(),
-        Mode::Release => format!("releases {what}"),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Tests of events.
 
 use super::*;
+use rcs_msg::rcs::r#override::Mode;
 
 fn status(state: rcs::ProcessState, text: &str, faults: u64) -> AnyMessage {
     AnyMessage::new(rcs::Status {
@@ -136,7 +137,7 @@ fn a_branch_has_no_act_that_was_undone_and_the_next_one_is_an_event_again() {
     };
     let stopped = AnyMessage::new(rcs::EmergencyStop { active: true, ..rcs::EmergencyStop::default() });
     let drive = AnyMessage::new(rcs::JournalEvent {
-        writer: OPERATOR.into(),
+        writer: acts::OPERATOR.into(),
         schema: "rcs.DriveCommand".into(),
         ..rcs::JournalEvent::default()
     });
@@ -192,7 +193,7 @@ fn an_operator_who_drives_is_one_event_until_a_pause() {
     let journal: Arc<str> = "/runtime/journal".into();
     for tenth in [0, 1, 2, 3, 40, 41] {
         let event = rcs::JournalEvent {
-            writer: OPERATOR.into(),
+            writer: acts::OPERATOR.into(),
             buffer: "/operator/drive".into(),
             schema: "rcs.DriveCommand".into(),
             ..rcs::JournalEvent::default()
@@ -202,10 +203,120 @@ fn an_operator_who_drives_is_one_event_until_a_pause() {
     assert_eq!(watch.read(RunTag::FIRST).len(), 2);
 }
 
+/// The journal's event of a message that the operator writes.
+fn written(buffer: &str, message: &AnyMessage) -> AnyMessage {
+    AnyMessage::new(rcs::JournalEvent {
+        writer: acts::OPERATOR.into(),
+        buffer: buffer.into(),
+        schema: message.schema().name().to_owned(),
+        message: message.bytes(),
+        ..rcs::JournalEvent::default()
+    })
+}
+
+fn limit(max_speed_mps: f64) -> AnyMessage {
+    AnyMessage::new(rcs::SpeedLimit { max_speed_mps })
+}
+
+/// What a run says at its start: a vehicle with an input for teleoperation, and the parameters with which it begins.
+fn describe(watch: &mut EventWatch) {
+    let run = rcs::RunInfo {
+        params: vec![rcs::InitialParams {
+            process: "vehicle".into(),
+            params: limit(0.5).bytes(),
+            ..rcs::InitialParams::default()
+        }],
+        ..rcs::RunInfo::default()
+    };
+    let teleop = rcs::PortInfo {
+        buffer: "/operator/teleop".into(),
+        role: crate::role::InputRole::Teleoperation.name().into(),
+        ..rcs::PortInfo::default()
+    };
+    let process = rcs::ProcessInfo {
+        name: "vehicle".into(),
+        params_buffer: "/vehicle/params".into(),
+        inputs: vec![teleop],
+        ..rcs::ProcessInfo::default()
+    };
+    take(watch, &"/runtime/run".into(), Stamp(0), &AnyMessage::new(run));
+    take(watch, &"/runtime/processes".into(), Stamp(0), &AnyMessage::new(process));
+}
+
+#[test]
+fn only_a_message_for_the_input_of_teleoperation_drives_by_hand_and_edits_are_told_beside_it() {
+    let mut watch = EventWatch::default();
+    describe(&mut watch);
+    let drive = |speed_mps: f64| {
+        let timestamp = Some(Stamp(7_000_000_001).to_proto());
+        AnyMessage::new(rcs::DriveCommand { timestamp, speed_mps, ..rcs::DriveCommand::default() })
+    };
+    let journal: Arc<str> = "/runtime/journal".into();
+    for (tenth, buffer, speed_mps) in [
+        (10, "/driver/drive", 100_000.0),
+        (11, "/operator/teleop", 0.5),
+        (12, "/operator/teleop", 0.6),
+        (13, "/driver/drive", 2.5),
+    ] {
+        take(&mut watch, &journal, Stamp(tenth * 100_000_000), &written(buffer, &drive(speed_mps)));
+    }
+    // A message with many values is told by its type.
+    let pose = AnyMessage::new(foxglove::Quaternion { x: 1.0, ..foxglove::Quaternion::default() });
+    take(&mut watch, &journal, Stamp(2_000_000_000), &written("/pose", &pose));
+    let wanted = [
+        "operator writes heading_rad = 0, speed_mps = 100000",
+        "operator drives by hand",
+        "operator writes heading_rad = 0, speed_mps = 2.5",
+        "operator writes Quaternion",
+    ];
+    assert_eq!(texts(&watch.read(RunTag::FIRST)), wanted);
+}
+
+#[test]
+fn parameters_are_told_by_what_they_change_also_in_a_branch() {
+    let mut watch = EventWatch::default();
+    describe(&mut watch);
+    let journal: Arc<str> = "/runtime/journal".into();
+    let send = |watch: &mut EventWatch, second: u64, max_speed_mps: f64| {
+        let event = written("/vehicle/params", &limit(max_speed_mps));
+        take(watch, &journal, Stamp(second * 1_000_000_000), &event);
+    };
+    send(&mut watch, 1, 2.0);
+    let mut branch = watch.fork(Written { time: Stamp(1_500_000_000), messages: watch.messages });
+    send(&mut watch, 2, 3.0);
+    send(&mut watch, 3, 3.0);
+    let first = "operator changes max_speed_mps from 0.5 to 2";
+    let wanted =
+        [first, "operator changes max_speed_mps from 2 to 3", "operator writes SpeedLimit without a change"];
+    assert_eq!(texts(&watch.read(RunTag::FIRST)), wanted);
+    send(&mut branch, 4, 1.0);
+    let wanted = [first, "operator changes max_speed_mps from 2 to 1"];
+    assert_eq!(texts(&branch.read(RunTag::FIRST)), wanted);
+}
+
+#[test]
+fn of_many_changed_parameters_the_first_are_told_and_how_many_follow() {
+    let mut watch = EventWatch::default();
+    let params = |value: f64| {
+        let point = foxglove::Vector3 { x: value, y: value, z: value };
+        let turn = foxglove::Quaternion { x: value, y: value, z: value, w: 1.0 };
+        AnyMessage::new(foxglove::Pose { position: Some(point), orientation: Some(turn) })
+    };
+    let process = rcs::ProcessInfo { params_buffer: "/a/params".into(), ..rcs::ProcessInfo::default() };
+    take(&mut watch, &"/runtime/processes".into(), Stamp(0), &AnyMessage::new(process));
+    let journal: Arc<str> = "/runtime/journal".into();
+    for (second, value) in [(1, 0.0), (2, 1.5)] {
+        take(&mut watch, &journal, Stamp(second * 1_000_000_000), &written("/a/params", &params(value)));
+    }
+    let told = ["x", "y", "z"].map(|axis| format!("position.{axis} from 0 to 1.5")).join(", ");
+    let wanted = ["operator writes Pose".to_owned(), format!("operator changes {told} and 3 more")];
+    assert_eq!(texts(&watch.read(RunTag::FIRST)), wanted);
+}
+
 #[test]
 fn an_override_is_told_with_its_field_and_value() {
     let told = |mode: Mode, path: &str, id| {
-        overridden(&rcs::Override {
+        acts::overridden(&rcs::Override {
             buffer: "/imu".to_owned(),
             path: path.to_owned(),
             mode: mode.into(),

@@ -1,5 +1,6 @@
 //! Frames: one moment of a source, as the views see it.
 
+use super::acts::OPERATOR;
 use super::compared::Comparison;
 use super::entities::{Entities, Entity, entities_of};
 use super::events::Events;
@@ -78,7 +79,7 @@ pub struct Topic {
     /// single one or there is no message yet; `None` for fewer than two messages.
     pub hz: Option<f64>,
     /// A lower rate, by which the age is judged ([`Topic::due_hz`]): of a topic of a log that is sent only at times, for
-    /// which `hz` is the mean.
+    /// which `hz` is the mean; 0 for one that is sent at the start alone.
     pub seldom_hz: Option<f64>,
     /// Why its messages cannot be read; `None` if they can.
     pub undecodable: Option<Arc<str>>,
@@ -107,6 +108,17 @@ const LATELY: u8 = 8;
 /// Most bytes of a message that is decoded completely for its time of acquisition: one of JSON takes several times as
 /// much.
 const MOST_DECODED_BYTES: usize = 8 << 20;
+
+/// Types of messages that stay in force until the next one. A drive command does not: it is obeyed for a moment only.
+const LASTING: [&str; 7] = [
+    "rcs.Command",
+    "rcs.EmergencyStop",
+    "rcs.JournalEvent",
+    "rcs.Mission",
+    "rcs.OverrideList",
+    "rcs.ProcessInfo",
+    "rcs.RunInfo",
+];
 
 /// Key of the metadata of a recorded topic whose messages are stored whole and by updates: the number of updates, and the
 /// topic that has them, which is none of a frame.
@@ -140,9 +152,12 @@ impl Topic {
         self
     }
 
-    /// The rate at which messages are due: by it, the newest one is outdated or not.
+    /// The rate at which messages are due: by it, the newest one is outdated or not. `None` where the newest one stays in
+    /// force, however long ago it was sent: parameters, which the operator alone writes, commands, and what a run says of
+    /// itself.
     pub fn due_hz(&self) -> Option<f64> {
-        self.seldom_hz.or(self.hz)
+        let stays = &*self.writer == OPERATOR || LASTING.contains(&self.schema.name());
+        self.seldom_hz.or(self.hz).filter(|_| !stays)
     }
 
     pub(crate) fn set_latest(&mut self, sample: Option<Sample>) {

@@ -2,6 +2,7 @@
 //! another one begins with what was known then, not with what became known later.
 
 use super::per_run::Written;
+use bytes::Bytes;
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 
@@ -82,6 +83,8 @@ pub(super) struct Known {
     pub(super) bumper: Changes<[bool; 2]>,
     /// When the operator drove by hand.
     pub(super) driven: Periods,
+    /// Parameters that the operator has sent, by buffer.
+    pub(super) params: BTreeMap<String, Changes<Bytes>>,
     /// Levels in diagnostics by the name and the hardware of a part.
     pub(super) parts: BTreeMap<(String, String), Changes<i32>>,
 }
@@ -90,6 +93,7 @@ impl Known {
     /// What was known at `at`.
     pub(super) fn fork(&self, at: Written) -> Self {
         let texts = self.texts.iter().map(|(text, seen)| (text.clone(), seen.fork(at)));
+        let params = self.params.iter().map(|(buffer, sent)| (buffer.clone(), sent.fork(at)));
         let parts = self.parts.iter().map(|(part, levels)| (part.clone(), levels.fork(at)));
         Self {
             state: self.state.fork(at),
@@ -101,6 +105,7 @@ impl Known {
             refusals: self.refusals.fork(at),
             bumper: self.bumper.fork(at),
             driven: self.driven.fork(at),
+            params: params.collect(),
             parts: parts.filter(|(_, levels)| !levels.0.is_empty()).collect(),
         }
     }

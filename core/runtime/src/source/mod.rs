@@ -4,6 +4,7 @@
 //! A view gets a [`Frame`]: everything that is known at one moment, shared and immutable. A view can neither slow nor
 //! stop the source. [`Driver`] runs a source on a separate thread, paces it, and publishes frames.
 
+mod acts;
 mod beside;
 mod compared;
 mod comparison;

@@ -14,6 +14,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const WINDOW_NS: u64 = 2_000_000_000;
 /// Greatest number of messages that are used, which is enough for a mean at any rate.
 const MOST: usize = 64;
+/// What was sent in this time after the start of a log and never again holds for all of the log.
+const OPENING_NS: u64 = 1_000_000_000;
 
 /// Messages per second, from the times of the last ones, newest first; `None` for fewer than two.
 fn rate_hz(newest_first: impl Iterator<Item = u64>) -> Option<f64> {
@@ -128,12 +130,14 @@ pub(crate) struct LogRate {
     /// [`LogInfo::mean_hz`] and [`LogInfo::density_hz`].
     mean_hz: Option<f64>,
     density_hz: Option<f64>,
+    /// The end of [`OPENING_NS`].
+    opening_until: Stamp,
     /// Times of the last messages that were shown, oldest first: those from `known_since` on, at most [`MOST`].
     times: VecDeque<Stamp>,
     known_since: Stamp,
     /// The rate at the viewed time.
     hz: Option<f64>,
-    /// A lower one, by which the age is judged.
+    /// A lower one, by which the age is judged; 0 where no further message is due.
     seldom_hz: Option<f64>,
     /// Time of the newest message for which it was measured; `None` if more messages may follow at that time.
     measured: Option<Stamp>,
@@ -145,6 +149,7 @@ impl LogRate {
         Self {
             mean_hz,
             density_hz: info.density_hz(&channels),
+            opening_until: info.complete_from.unwrap_or_default().max(info.start).after_ns(OPENING_NS),
             channels,
             messages,
             times: VecDeque::new(),
@@ -206,7 +211,11 @@ impl LogRate {
         let hz = rate_hz(last);
         let is_mean = is_all || hz.is_none();
         self.hz = hz.or(self.mean_hz);
-        self.seldom_hz = self.density_hz.filter(|density_hz| is_mean && hz.is_none_or(|hz| *density_hz < hz));
+        self.seldom_hz = if is_all && newest <= self.opening_until {
+            Some(0.0)
+        } else {
+            self.density_hz.filter(|density_hz| is_mean && hz.is_none_or(|hz| *density_hz < hz))
+        };
         // More messages may follow at the viewed time.
         self.measured = (newest < viewed).then_some(newest);
     }
@@ -215,8 +224,8 @@ impl LogRate {
 /// Measures the rate of each topic at the `viewed` time, when its message at the time in `newest` is the newest one. It
 /// follows from the log alone, not from what was shown before. The mean over the log stands for it where the last seconds
 /// before that message have no other one. There, and where they have all messages that there are, the age is judged by
-/// the number of messages over the duration of the log, if that is lower: what was sent at the start alone does not
-/// become old.
+/// the number of messages over the duration of the log, if that is lower. What was sent in the first second alone does
+/// not become old.
 ///
 /// What several topics need is read once.
 pub(crate) fn measure(
@@ -275,6 +284,7 @@ mod tests {
             messages,
             mean_hz: None,
             density_hz: None,
+            opening_until: Stamp(0),
             times: VecDeque::new(),
             known_since: Stamp(0),
             hz: None,

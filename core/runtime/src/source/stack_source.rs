@@ -43,6 +43,10 @@ pub struct StackSource {
     /// Topics of the log that feed a buffer: each is shown once, as that buffer.
     wired: BTreeMap<String, Arc<str>>,
     info: Arc<SourceInfo>,
+    /// End of a recorded run that is computed again, unless the operator acts in it.
+    recorded_end: Option<Stamp>,
+    /// End of any other run.
+    own_end: Option<Stamp>,
     processes: Arc<[rcs::ProcessInfo]>,
     /// One topic per buffer, in the order of the plan.
     topics: Vec<Topic>,
@@ -94,7 +98,8 @@ impl StackSource {
     }
 
     /// A recorded run, computed again from its journal (and its schedule, if it was live), so that it includes what was
-    /// not recorded. External events are accepted in addition to the recorded ones.
+    /// not recorded. External events are accepted in addition to the recorded ones. A run with such an event goes on
+    /// beyond the recorded end, unless the recorded run was live.
     pub fn repeating(
         recorded: &RecordedRun,
         plan: &Arc<Plan>,
@@ -145,12 +150,13 @@ impl StackSource {
             None => plan.file.name().to_owned(),
         };
         info.problems.extend(plan.warnings.iter().cloned());
-        if let Some(horizon) = run.horizon() {
-            // It runs beyond the log's end, until its processes have handled the last messages.
-            info.end = Some(horizon);
-        }
+        // It runs beyond the log's end, until its processes have handled the last messages. A live run is repeated from
+        // its schedule, which has nothing after its end.
+        let live_end = recorded.filter(|run| run.info().live).map(RecordedRun::end);
+        let own_end = live_end.or(run.horizon());
+        let recorded_end = recorded.map(RecordedRun::end);
+        info.end = recorded_end.or(own_end);
         if let Some(recorded) = recorded {
-            info.end = Some(recorded.end());
             info.problems.extend(recorded.problems().iter().cloned());
             info.detail = format!("{} (recorded, computed again)", info.detail);
         }
@@ -169,6 +175,8 @@ impl StackSource {
             recorded: view,
             wired,
             info,
+            recorded_end,
+            own_end,
             processes,
             topics,
             gathering,
@@ -216,8 +224,13 @@ impl StackSource {
         }
     }
 
-    /// Updates the list of runs, and the viewed one.
+    /// Updates the list of runs, the viewed one, and its end.
     fn follow_runs(&mut self) {
+        let is_repeated = self.session.journal().is_empty();
+        let end = self.recorded_end.filter(|_| is_repeated).or(self.own_end);
+        if self.info.end != end {
+            Arc::make_mut(&mut self.info).end = end;
+        }
         let tag = RunTag::Run(self.session.moment().run);
         self.runs = self.session.runs().into();
         self.gathering.follow(&self.session);

@@ -87,11 +87,7 @@ impl<'a> ParamReader<'a> {
             let Some(field) = path.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) else {
                 continue;
             };
-            let error = |error: String| StackError {
-                file: "--param".to_owned(),
-                line: 0,
-                message: format!("{path}: {error}"),
-            };
+            let error = |error: String| of_override(path, field, &error);
             let spec = params::find(descriptor, field).map_err(|e| error(e.to_string()))?;
             let mut text = text.clone();
             if let (ParamKind::Text, Some(kind)) = (spec.kind, &spec.file) {
@@ -165,11 +161,7 @@ impl<'a> ParamReader<'a> {
             let Some(field) = path.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) else {
                 continue;
             };
-            let error = |error: String| StackError {
-                file: "--param".to_owned(),
-                line: 0,
-                message: format!("{path}: {error}"),
-            };
+            let error = |error: String| of_override(path, field, &error);
             let spec = params::find(descriptor, field).map_err(|refused| error(refused.to_string()))?;
             let text = match (spec.kind, &spec.file) {
                 (ParamKind::Text, Some(kind)) => {
@@ -315,6 +307,12 @@ impl<'a> ParamReader<'a> {
         };
         Some(StackError { file: empty.file, line: 1, message: error.to_owned() })
     }
+}
+
+/// An error in a parameter of the command line. That of a value names its field, as the path does.
+fn of_override(path: &str, field: &str, error: &str) -> StackError {
+    let error = error.strip_prefix(&format!("parameter {field}: ")).unwrap_or(error);
+    StackError { file: "--param".to_owned(), line: 0, message: format!("{path}: {error}") }
 }
 
 /// Whether a text names a value in another file: `${vehicle.wheels.track_m}`.

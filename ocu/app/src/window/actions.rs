@@ -139,7 +139,11 @@ impl Window {
         let commands = self.keymap.pressed(ctx, stops);
         for &command in &commands {
             // What is drawn under the pointer goes before the layout.
-            let is_done = command == Command::UndoLayout && self.selection.undo_under_pointer();
+            let is_done = match command {
+                Command::UndoLayout => self.selection.undo_under_pointer(),
+                Command::RedoLayout => self.selection.redo_under_pointer(),
+                _ => false,
+            };
             if !is_done {
                 self.run(command, frame, controls);
             }
@@ -162,6 +166,10 @@ impl Window {
             }
             Command::Cancel => cancel(&self.ctx),
             Command::Open => self.opener.ask(),
+            Command::Simulation => {
+                let past = self.current.past.clone();
+                self.open_asking(Request { past, ..Request::simulation() }, controls);
+            }
             Command::Keys => self.key_list.toggle(),
             Command::Palette => self.palette.toggle(),
             Command::Restart => self.perform(TopBarAction::Restart, frame, controls),

@@ -29,6 +29,8 @@ pub(super) enum Command {
     ToEnd,
     Loop,
     Open,
+    /// Open the simulation on its own course.
+    Simulation,
     Restart,
     /// Start the next run with what this one remembers.
     NextRun,
@@ -195,6 +197,7 @@ pub(super) const COMMANDS: &[Entry] = {
         entry(C::ToEnd, "end", "To the end", Time, N::Source, &[key!(NONE End)]),
         entry(C::Loop, "loop", "Start again at the end, or stop there", Time, N::Source, &[key!(NONE L)]),
         entry(C::Open, "open", "Open a recording or a stack", Source, N::Nothing, &[key!(COMMAND O)]),
+        entry(C::Simulation, "simulation", "Open the simulation", Source, N::Nothing, &[]),
         entry(C::Restart, "restart", "Start again from the beginning", Source, N::Stack, &[]),
         entry(C::NextRun, "next_run", "Next run, with what this one remembers", Source, N::Stack, &[]),
         entry(C::SaveRemembered, "save_remembered", "Save what this run remembers…", Source, N::Source, &[]),
@@ -312,6 +315,7 @@ mod tests {
             ToEnd,
             Loop,
             Open,
+            Simulation,
             Restart,
             NextRun,
             SaveRemembered,

@@ -63,11 +63,9 @@ pub(super) enum Next {
 impl Next {
     /// A source in place of the current one.
     pub(super) fn open(request: Request, current: &Request) -> Self {
-        let next_run =
-            Request { seed: request.seed, remembered: request.remembered.clone(), ..current.clone() };
         let opened = if request == *current {
             Opened::Again
-        } else if request == next_run && request.remembered.is_some() {
+        } else if request.repeats(current) && request.remembered.is_some() {
             Opened::NextRun
         } else {
             Opened::Other

@@ -1,11 +1,12 @@
-//! The palette, in which a command, a view or a layout is found by its name, and a moment by its time; and the list of
-//! keys, in which they can be changed.
+//! The palette, in which a command, a view, a layout, a stack or a course is found by its name, and a moment by its
+//! time; and the list of keys, in which they can be changed.
 
 use super::commands::{COMMANDS, Command, Entry, Group, HELD, Needs};
 use super::dialog::closing_hint;
 use super::keymap::Keymap;
 use super::shortcut::Shortcut;
 use super::typed_time;
+use crate::open::Request;
 use crate::time::date_and_time;
 use egui::{Align2, Event, Key, RichText, ScrollArea, TextEdit, Vec2};
 use ocu_ui::{tokens, typing, widgets};
@@ -26,6 +27,7 @@ pub(super) enum Choice {
     Command(Command),
     View(&'static ViewType),
     Layout(String),
+    Open(Request),
     Time(Stamp),
 }
 
@@ -52,7 +54,13 @@ impl Palette {
     }
 
     /// What has the typed name.
-    fn named(&self, keymap: &Keymap, layouts: &[String], can: impl Fn(Needs) -> bool) -> Vec<Line> {
+    fn named(
+        &self,
+        keymap: &Keymap,
+        layouts: &[String],
+        sources: &[(String, Request)],
+        can: impl Fn(Needs) -> bool,
+    ) -> Vec<Line> {
         let wanted = self.text.to_lowercase();
         let fits = |name: &str| wanted.split_whitespace().all(|word| name.to_lowercase().contains(word));
         let mut lines: Vec<Line> = Vec::new();
@@ -65,17 +73,21 @@ impl Palette {
         for name in layouts {
             lines.push((format!("Layout: {name}"), String::new(), Choice::Layout(name.clone())));
         }
+        for (name, request) in sources {
+            lines.push((name.clone(), String::new(), Choice::Open(request.clone())));
+        }
         lines.retain(|(name, ..)| fits(name));
         lines
     }
 
-    /// Paints the palette; returns what was chosen. `source` is what is open and its last moment; `can` says whether what
-    /// a command needs is there.
+    /// Paints the palette; returns what was chosen. `sources` are stacks and courses by their names; `source` is what is
+    /// open and its last moment; `can` says whether what a command needs is there.
     pub(super) fn ui(
         &mut self,
         ctx: &egui::Context,
         keymap: &Keymap,
         layouts: &[String],
+        sources: &[(String, Request)],
         source: Option<(&SourceInfo, Stamp)>,
         can: impl Fn(Needs) -> bool,
     ) -> Option<Choice> {
@@ -83,7 +95,7 @@ impl Palette {
             return None;
         }
         let (mut lines, outside) = source.map(|source| timed(&self.text, source)).unwrap_or_default();
-        lines.extend(self.named(keymap, layouts, can));
+        lines.extend(self.named(keymap, layouts, sources, can));
         self.marked = self.marked.min(lines.len().saturating_sub(1));
         let mut chosen = None;
         // The click that opens the palette is beside it.
@@ -103,7 +115,7 @@ impl Palette {
                     let last = lines.len().saturating_sub(1);
                     self.marked = self.marked.saturating_add_signed(moved).min(last);
                     let edit = TextEdit::singleline(&mut self.text)
-                        .hint_text("Find a command, a view or a layout, or type a time")
+                        .hint_text("Find a command, view, layout, stack or course, or type a time")
                         .desired_width(f32::INFINITY);
                     let response = ui.add(edit);
                     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Find a command"));
@@ -313,7 +325,7 @@ mod tests {
         let mut harness =
             Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
                 |ui, palette: &mut Palette| {
-                    palette.ui(ui.ctx(), &Keymap::default(), &[], None, |_| true);
+                    palette.ui(ui.ctx(), &Keymap::default(), &[], &[], None, |_| true);
                 },
                 Palette::default(),
             );
@@ -341,7 +353,7 @@ mod tests {
             Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
                 |ui, palette: &mut Palette| {
                     super::super::dialog::note_closing_key(ui.ctx(), "F4".to_owned());
-                    palette.ui(ui.ctx(), &Keymap::default(), &[], None, |_| true);
+                    palette.ui(ui.ctx(), &Keymap::default(), &[], &[], None, |_| true);
                 },
                 Palette::default(),
             );
@@ -368,7 +380,7 @@ mod tests {
             Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
                 |ui, palette: &mut Palette| {
                     if let Some(Choice::Time(at)) =
-                        palette.ui(ui.ctx(), &Keymap::default(), &[], source(), |_| true)
+                        palette.ui(ui.ctx(), &Keymap::default(), &[], &[], source(), |_| true)
                     {
                         chosen.set(Some(at));
                     }
@@ -390,6 +402,34 @@ mod tests {
         harness.key_press(Key::Enter);
         harness.run_steps(2);
         assert_eq!(chosen.get(), Some(start.after_ns(195_500_000_000)));
+    }
+
+    #[test]
+    fn a_stack_and_a_course_are_found_by_their_names() {
+        let of_stack = |stack: &str| Request { stack: Some(stack.to_owned()), ..Request::default() };
+        let sources = ["Stack: truth_driver", "Course: hill"].map(|name| (name.to_owned(), of_stack(name)));
+        let chosen = std::cell::RefCell::new(None);
+        let mut harness =
+            Harness::builder().with_size([900.0, 600.0]).with_context_setup(ocu_ui::install).build_ui_state(
+                |ui, palette: &mut Palette| {
+                    let keymap = Keymap::default();
+                    if let Some(Choice::Open(request)) =
+                        palette.ui(ui.ctx(), &keymap, &[], &sources, None, |_| true)
+                    {
+                        *chosen.borrow_mut() = Some(request);
+                    }
+                },
+                Palette::default(),
+            );
+        for (typed, name) in [("truth", "Stack: truth_driver"), ("course", "Course: hill")] {
+            harness.state_mut().toggle();
+            harness.run_steps(4);
+            harness.get_by_label("Find a command").type_text(typed);
+            harness.run_steps(4);
+            harness.get_by_label(name).click();
+            harness.run_steps(4);
+            assert_eq!(chosen.borrow_mut().take(), Some(of_stack(name)));
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ use super::open::{self, Invited};
 use super::operate::StopState;
 use super::palette::Choice;
 use super::top_bar;
+use super::top_menus::named_sources;
 use super::top_state::{self, TopBarAction};
 use super::tree::{Workspace, view_menu};
 use crate::bundled;
@@ -175,10 +176,12 @@ impl Window {
             let end = frame.info.end.unwrap_or_else(|| self.timeline.newest(frame));
             (&*frame.info, end)
         });
-        match self.palette.ui(ui.ctx(), &self.keymap, &layouts, source, can) {
+        let sources = named_sources(frame, &self.current);
+        match self.palette.ui(ui.ctx(), &self.keymap, &layouts, &sources, source, can) {
             Some(Choice::Command(command)) => self.run(command, frame, controls),
             Some(Choice::View(view_type)) => self.perform(TopBarAction::AddView(view_type), frame, controls),
             Some(Choice::Layout(name)) => self.perform(TopBarAction::Layout(name), frame, controls),
+            Some(Choice::Open(request)) => self.open_asking(request, controls),
             Some(Choice::Time(at)) => controls.extend(Control::pause_at(at)),
             None => return,
         }

@@ -22,9 +22,9 @@ impl Window {
     pub(super) fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
         let Some(driver) = self.drive(&request, source) else { return };
         self.follow = Follow::of(&request, &driver.frame(), &self.ctx);
-        let is_same = request == self.current;
+        let (is_same, repeats) = (request == self.current, request.repeats(&self.current));
         if let Some(workspace) = self.workspace.as_mut().filter(|_| !is_same) {
-            // Unsent edits belong to the source before.
+            // What the views have found and keep is of the source before.
             *workspace = Workspace::new(&workspace.layout(self.buffers_open));
         }
         if (&request.log, &request.stack) != (&self.current.log, &self.current.stack) {
@@ -61,9 +61,9 @@ impl Window {
         self.timeline.forget();
         self.operating.forget();
         self.alarm_sound.forget();
-        // The speeds of manual driving are kept, and where the same source begins again, what was not sent.
+        // The speeds of manual driving are kept, and where the same stack begins again, what was not sent.
         let old = std::mem::take(&mut self.selection);
-        let drafts = if is_same { old.drafts.after_restart() } else { Drafts::default() };
+        let drafts = if repeats { old.drafts.after_restart() } else { Drafts::default() };
         self.selection = Selection { drive: old.drive, drafts, ..Selection::default() };
     }
 

@@ -43,6 +43,8 @@ struct Shared {
     rows: BTreeMap<usize, Row>,
     total: usize,
     problem: Option<String>,
+    /// Whether it can run; until then, rows and total are those of the sweep before.
+    is_checked: bool,
     is_over: bool,
 }
 
@@ -69,8 +71,9 @@ impl Sweeping {
             None => SweepState { what, ..SweepState::default() },
             Some(running) => {
                 let shared = lock(&running.shared);
+                let total = if shared.is_checked || shared.is_over { shared.total } else { 0 };
                 let is_known = self.shown.rows.len() == shared.rows.len()
-                    && self.shown.total == shared.total
+                    && self.shown.total == total
                     && self.shown.is_running != shared.is_over
                     && self.shown.problem == shared.problem
                     && self.shown.what == what;
@@ -80,7 +83,7 @@ impl Sweeping {
                 SweepState {
                     what,
                     rows: shared.rows.values().map(row).collect(),
-                    total: shared.total,
+                    total,
                     is_running: !shared.is_over,
                     problem: shared.problem.clone(),
                 }
@@ -92,10 +95,15 @@ impl Sweeping {
         Arc::clone(&self.shown)
     }
 
-    /// Begins a sweep of the open stack; one that runs ends.
+    /// Begins a sweep of the open stack; one that runs ends. If it is refused, the rows of the one before stay.
     pub(super) fn start(&mut self, ctx: &egui::Context, request: &SweepRequest) {
         let Some(base) = self.base.clone() else { return };
-        let shared: Arc<Mutex<Shared>> = Arc::default();
+        let table_of = |old: Running| {
+            let mut shared = lock(&old.shared);
+            (std::mem::take(&mut shared.rows), shared.total)
+        };
+        let (rows, total) = self.running.take().map(table_of).unwrap_or_default();
+        let shared = Arc::new(Mutex::new(Shared { rows, total, ..Shared::default() }));
         let cancelled: Arc<AtomicBool> = Arc::default();
         let running = Running { shared: Arc::clone(&shared), cancelled: Arc::clone(&cancelled) };
         self.running = Some(running);
@@ -112,7 +120,7 @@ impl Sweeping {
                 let ran = guarded(run).unwrap_or_else(|said| Err(anyhow::anyhow!("a run failed: {said}")));
                 let mut shared = lock(&shared);
                 shared.is_over = true;
-                shared.problem = ran.err().map(|error| say(&error));
+                shared.problem = ran.err().map(|error| reason(&error));
                 drop(shared);
                 ctx.request_repaint();
             }
@@ -184,6 +192,12 @@ fn args_of(base: &Request, request: &SweepRequest, record: Option<PathBuf>) -> a
     })
 }
 
+/// Why a sweep was refused, without the option by which the command line has the parameter.
+fn reason(error: &anyhow::Error) -> String {
+    let text = say(error);
+    text.strip_prefix("--param: ").unwrap_or(&text).to_owned()
+}
+
 /// A folder that does not exist yet, named by the time.
 fn new_folder(folder: &Path) -> PathBuf {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
@@ -223,7 +237,8 @@ fn run(
     ctx: &egui::Context,
 ) -> anyhow::Result<()> {
     let prepared = Prepared::new(args)?;
-    lock(shared).total = prepared.len();
+    let checked = Shared { total: prepared.len(), is_checked: true, ..Shared::default() };
+    *lock(shared) = checked;
     ctx.request_repaint();
     // The window and the stack that it runs keep a core. The threads inherit the low priority of this one.
     let jobs = thread::available_parallelism().map_or(1, usize::from).saturating_sub(1).max(1);
@@ -397,6 +412,30 @@ mod tests {
         make_room(folder.path(), (4, 50)).unwrap();
         assert_eq!(names(), ["20260105-000012", "mine"], "the newest is kept whatever its size");
         make_room(&folder.path().join("absent"), (4, 50)).unwrap();
+    }
+
+    #[test]
+    fn a_sweep_that_is_refused_says_why_and_leaves_the_rows_of_the_one_before() {
+        let mut sweeping = Sweeping::new(None);
+        sweeping.state(&base());
+        let mut swept = |values: &str| {
+            let params = vec![format!("truth_driver.vehicle_width_m={values}")];
+            let request = SweepRequest { params, runs: 1, until_s: Some(0.2), ..SweepRequest::default() };
+            sweeping.start(&egui::Context::default(), &request);
+            wait(&mut sweeping, |state| !state.is_running)
+        };
+        let first = swept("0.6,0.8");
+        assert_eq!((first.rows.len(), first.total, &first.problem), (2, 2, &None));
+        // No list of values, and a value out of range.
+        for (values, problem) in
+            [("0.6..1.2:100000", "expected "), ("9", "truth_driver.vehicle_width_m: got 9")]
+        {
+            let refused = swept(values);
+            assert_eq!((&refused.rows, refused.total), (&first.rows, 2), "{values}");
+            assert!(refused.problem.as_ref().is_some_and(|text| text.starts_with(problem)), "{refused:?}");
+        }
+        let next = swept("0.7");
+        assert_eq!((next.rows.len(), next.total, &next.problem), (1, 1, &None));
     }
 
     #[test]

@@ -14,26 +14,26 @@ use ocu_ui::bar::{self, Form};
 use ocu_ui::{icons, typing, widgets};
 use rcs_msg::rcs::{CourseRun, RunInfo};
 use rcs_runtime::StackFile;
-use rcs_runtime::source::Frame;
+use rcs_runtime::source::{Frame, SourceKind};
 use std::borrow::Cow;
 
 /// Menu of what can be opened.
 pub(super) fn open_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actions: &mut Actions) {
     bar::menu(ui, form, icons::ICON_FOLDER_OPEN, "Open", |ui| {
         ui.set_min_width(280.0);
-        let past = || state.current.past.clone();
         if ui.button("Recording or stack…").clicked() {
             actions.push(TopBarAction::Ask);
             ui.close();
         }
         let help = "A simulated robot before its course; Play sends it to the goal";
         if ui.button("Simulation").on_hover_text(help).clicked() {
-            actions.push(TopBarAction::Open(Request { past: past(), ..Request::simulation() }));
+            actions.push(TopBarAction::Run(Command::Simulation));
             ui.close();
         }
         for recent in state.recent {
             if recent_button(ui, recent).clicked() {
-                actions.push(TopBarAction::Open(Request { past: past(), ..recent.clone() }));
+                let past = state.current.past.clone();
+                actions.push(TopBarAction::Open(Request { past, ..recent.clone() }));
                 ui.close();
             }
         }
@@ -84,11 +84,7 @@ pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actio
                     None => response,
                 };
                 if response.clicked() {
-                    actions.push(TopBarAction::Open(Request {
-                        stack: stack.map(str::to_owned),
-                        remembered: None,
-                        ..current.clone()
-                    }));
+                    actions.push(TopBarAction::Open(with_stack(current, stack)));
                     ui.close();
                 }
             };
@@ -96,16 +92,55 @@ pub(super) fn stack_menu(ui: &mut egui::Ui, form: Form, state: &State<'_>, actio
             choice(ui, None, "no stack", None, "Show the recording as it is");
             ui.separator();
         }
-        let alone = current.log.is_none();
-        for (name, stack) in
-            stacks::bundled().iter().filter(|(_, stack)| !alone || stack.topics().next().is_none())
-        {
-            let unfit = frame.filter(|_| !alone).and_then(|frame| unfit(stack, frame));
+        for (name, stack, unfit) in stacks_for(frame, current) {
             choice(ui, Some(name), name, unfit, stack.description());
         }
     });
     let seed = frame.and_then(identity).map_or(String::new(), |run| format!(", with seed {}", run.seed));
     button.on_hover_text(format!("The stack that runs: {name}{seed}"));
+}
+
+/// The bundled stacks that can run on the recording, or, without one, those that need none, each with why it cannot be
+/// chosen.
+fn stacks_for(
+    frame: Option<&Frame>,
+    current: &Request,
+) -> impl Iterator<Item = (&'static str, &'static StackFile, Option<String>)> {
+    let alone = current.log.is_none();
+    let stacks = stacks::bundled().iter();
+    stacks.filter(move |(_, stack)| !alone || stack.topics().next().is_none()).map(move |(name, stack)| {
+        (*name, stack, frame.filter(|_| !alone).and_then(|frame| unfit(stack, frame)))
+    })
+}
+
+/// The request for what is open with another stack; without one, for the recording as it is.
+fn with_stack(current: &Request, stack: Option<&str>) -> Request {
+    Request { stack: stack.map(str::to_owned), remembered: None, ..current.clone() }
+}
+
+/// The request for the open simulation on another course.
+fn with_course(current: &Request, course: &str) -> Request {
+    Request { course: Some(course.to_owned()), remembered: None, ..current.clone() }
+}
+
+/// What the menus of stacks and courses offer, by names for the palette. Where nothing is open, a course opens the
+/// simulation on it.
+pub(super) fn named_sources(frame: Option<&Frame>, current: &Request) -> Vec<(String, Request)> {
+    let mut named = Vec::new();
+    if current.log.is_some() {
+        named.push(("Stack: no stack".to_owned(), with_stack(current, None)));
+    }
+    for (name, _, _) in stacks_for(frame, current).filter(|(_, _, unfit)| unfit.is_none()) {
+        named.push((format!("Stack: {name}"), with_stack(current, Some(name))));
+    }
+    let simulated = match frame {
+        Some(frame) if frame.info.kind == SourceKind::Stack && current.stack.is_some() => current.clone(),
+        Some(_) => return named,
+        None => Request { past: current.past.clone(), ..Request::simulation() },
+    };
+    let courses = bundled::names("course").into_iter();
+    named.extend(courses.map(|course| (format!("Course: {course}"), with_course(&simulated, course))));
+    named
 }
 
 /// Why a stack cannot be chosen on the open recording; `None` if it can. One that reads nothing of a recording can be
@@ -140,14 +175,15 @@ pub(super) fn course_menu(
         ui.set_min_width(200.0);
         for course in bundled::names("course") {
             if ui.selectable_label(course == running, course).clicked() {
-                let course = Some(course.to_owned());
-                actions.push(TopBarAction::Open(Request { course, remembered: None, ..current.clone() }));
+                actions.push(TopBarAction::Open(with_course(current, course)));
                 ui.close();
             }
         }
         ui.separator();
         let id = ui.scope_id().with("seed");
-        let mut seed = ui.data(|data| data.get_temp(id)).unwrap_or(of_run);
+        // A seed that was typed counts only for the run that was shown then.
+        let typed: Option<(u64, u64)> = ui.data(|data| data.get_temp(id));
+        let mut seed = typed.filter(|(shown, _)| *shown == of_run).map_or(of_run, |(_, seed)| seed);
         ui.horizontal(|ui| {
             let label = ui.label("Seed");
             ui.add(egui::DragValue::new(&mut seed).speed(0.1)).labelled_by(label.id);
@@ -157,7 +193,7 @@ pub(super) fn course_menu(
                 ui.close();
             }
         });
-        ui.data_mut(|data| data.insert_temp(id, seed));
+        ui.data_mut(|data| data.insert_temp(id, (of_run, seed)));
         ui.separator();
         for command in [Command::NextRun, Command::SaveRemembered] {
             let Some(entry) = entry_of(command) else { continue };
@@ -364,6 +400,37 @@ inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_st
         let nothing = Some("It reads nothing of this recording.".to_owned());
         assert_eq!((reason(&log, "truth_driver"), reason(&log, "sample")), (nothing.clone(), None));
         assert_eq!((reason(&run, "truth_driver"), reason(&run, "simulation")), (None, nothing));
+    }
+
+    #[test]
+    fn the_palette_offers_the_stacks_and_courses_of_the_menus() {
+        let request = |frame: Option<&Frame>, current: &Request, name: &str| {
+            let named = named_sources(frame, current);
+            named.into_iter().find(|(known, _)| known == name).map(|(_, request)| request)
+        };
+        // Where nothing is open.
+        let (nothing, driver) = (Request::default(), Some("truth_driver".to_owned()));
+        let alone = request(None, &nothing, "Stack: truth_driver");
+        assert_eq!(alone, Some(Request { stack: driver.clone(), ..Request::default() }));
+        let hill = Some(Request { course: Some("hill".to_owned()), ..Request::simulation() });
+        assert_eq!(request(None, &nothing, "Course: hill"), hill);
+        assert_eq!(request(None, &nothing, "Stack: sample"), None, "it needs a recording");
+
+        // On a recording, and in a simulation.
+        let dir = tempfile::tempdir().unwrap();
+        let log = dir.path().join("drive.mcap");
+        crate::sample::write(&log, 0.5, false).unwrap();
+        let recording = Request { log: Some(log), ..Request::default() };
+        let frame = stacks::open(&recording).unwrap().frame();
+        let sample = Request { stack: Some("sample".to_owned()), ..recording.clone() };
+        assert_eq!(request(Some(&frame), &recording, "Stack: sample"), Some(sample));
+        for name in ["Stack: truth_driver", "Course: hill"] {
+            assert_eq!(request(Some(&frame), &recording, name), None, "{name}");
+        }
+        let running = Request { stack: driver, seed: Some(7), ..Request::default() };
+        let frame = stacks::open(&running).unwrap().frame();
+        let hill = Request { course: Some("hill".to_owned()), ..running.clone() };
+        assert_eq!(request(Some(&frame), &running, "Course: hill"), Some(hill));
     }
 
     #[test]

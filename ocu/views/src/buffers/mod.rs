@@ -311,8 +311,13 @@ fn row(
             Column::Role => topic.role_name().to_owned(),
             Column::Messages => format::count(topic.messages),
             Column::Size => topic.latest.as_ref().map_or_else(|| "–".to_owned(), |_| size(topic)),
-            // A silent topic may still have an estimated rate; its current rate is 0.
-            Column::Rate => format::rate(if old { 0.0 } else { rate_hz(topic) }),
+            // A silent topic may still have an estimated rate; its current rate is 0, also where its value stays in
+            // force.
+            Column::Rate => {
+                let usual_hz = topic.seldom_hz.or(topic.hz).unwrap_or(0.0);
+                let is_silent = age_s.is_some_and(|age_s| stale::is_stale(age_s, usual_hz));
+                format::rate(if is_silent { 0.0 } else { rate_hz(topic) })
+            }
             Column::Age => age_s.map_or_else(|| "–".to_owned(), format::age),
         };
         match column {

@@ -20,7 +20,7 @@ use rcs_msg::{AnyMessage, FieldPath, Value};
 use rcs_runtime::source::{Control, Frame, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use text::text_of;
+use text::{number_of, text_of};
 
 /// How the changes take effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,9 +111,9 @@ fn parsed(old: &Value, text: &str) -> Result<Value, String> {
         },
         Value::Int(_) => trimmed.parse().map(Value::Int).or_else(|_| fail("a whole number")),
         Value::Uint(_) => trimmed.parse().map(Value::Uint).or_else(|_| fail("a whole number of at least 0")),
-        Value::Float(_) => match trimmed.parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(Value::Float(number)),
-            _ => fail("a finite number"),
+        Value::Float(_) => match number_of(text) {
+            Some(number) if number.is_finite() => Ok(Value::Float(number)),
+            _ => fail("a number such as 1.5"),
         },
         Value::Text(_) => Ok(Value::Text(text.to_owned())),
         Value::Enum { .. } => Ok(match trimmed.parse() {
@@ -453,6 +453,16 @@ mod tests {
             (Value::Int(1), "99999999999999999999", false),
         ] {
             assert_eq!(parsed(&old, text).is_ok(), fits, "{old:?} {text}");
+        }
+    }
+
+    #[test]
+    fn a_number_is_taken_with_a_decimal_comma_and_a_refusal_shows_one() {
+        let number = |text: &str| parsed(&Value::Float(0.0), text);
+        assert_eq!(number("1,5"), Ok(Value::Float(1.5)));
+        assert_eq!(number(" \u{2212}0.25 "), Ok(Value::Float(-0.25)));
+        for text in ["fast", "", "1,234.5", "inf"] {
+            assert_eq!(number(text), Err(format!("got {text:?}, expected a number such as 1.5")));
         }
     }
 }

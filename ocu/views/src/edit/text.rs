@@ -1,4 +1,4 @@
-//! Values as text.
+//! Values as text, and numbers of texts.
 
 use rcs_msg::Value;
 
@@ -14,4 +14,10 @@ pub(crate) fn text_of(value: &Value) -> Option<String> {
         Value::Enum { name, .. } => name.clone(),
         _ => return None,
     })
+}
+
+/// The number that a text states, with a decimal point or a decimal comma.
+pub(crate) fn number_of(text: &str) -> Option<f64> {
+    let text: String = text.chars().filter(|c| !c.is_whitespace()).collect();
+    text.replace('\u{2212}', "-").replace(',', ".").parse().ok()
 }

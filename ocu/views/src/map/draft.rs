@@ -60,6 +60,8 @@ pub(crate) struct Draft {
     area: Option<Vec<[f64; 2]>>,
     /// What was drawn before each change, the last one at the end.
     history: Vec<Drawn>,
+    /// What was drawn before each change was taken back, the last one at the end.
+    undone: Vec<Drawn>,
     /// The identity of the next goal that is added.
     next_id: u32,
     drag: Option<Drag>,
@@ -229,7 +231,8 @@ impl Draft {
         if !mission.keeps_goals {
             // What was reached of the mission before is no part of this one.
             let reached = self.reached().to_vec();
-            for drawn in self.history.iter_mut().chain(std::iter::once(&mut self.drawn)) {
+            let before = self.history.iter_mut().chain(&mut self.undone);
+            for drawn in before.chain(std::iter::once(&mut self.drawn)) {
                 drawn.goals.retain(|goal| !reached.contains(goal));
             }
             self.sent.goals = SentGoals::of(mission, self.drawn.goals.clone());
@@ -398,19 +401,35 @@ impl Draft {
     pub(crate) fn undo(&mut self) -> bool {
         self.drag = None;
         let Some(last) = self.last_change() else { return false };
-        self.drawn = self.history.swap_remove(last);
+        let before = self.history.swap_remove(last);
+        self.undone.push(std::mem::replace(&mut self.drawn, before));
         self.history.truncate(last);
         true
     }
 
-    /// Whether there is a change to take back.
-    pub(super) fn can_undo(&self) -> bool {
-        self.last_change().is_some()
+    /// Does again the change that was taken back last; whether there was one.
+    pub(crate) fn redo(&mut self) -> bool {
+        self.drag = None;
+        let Some(next) = self.next_change() else { return false };
+        let after = self.undone.swap_remove(next);
+        self.undone.truncate(next);
+        self.history.push(std::mem::replace(&mut self.drawn, after));
+        true
+    }
+
+    /// Whether there is a change to take back, or one to do again.
+    pub(super) fn can_undo_or_redo(&self) -> bool {
+        self.last_change().is_some() || self.next_change().is_some()
     }
 
     /// Index in the history of what was drawn before the last change. A change of what was reached since is none.
     fn last_change(&self) -> Option<usize> {
         self.history.iter().rposition(|before| !self.is_same(before, &self.drawn))
+    }
+
+    /// Index in what was undone of what was drawn before the last change was taken back.
+    fn next_change(&self) -> Option<usize> {
+        self.undone.iter().rposition(|after| !self.is_same(after, &self.drawn))
     }
 
     fn change(&mut self, edit: impl FnOnce(&mut Drawn)) {
@@ -422,8 +441,9 @@ impl Draft {
         }
     }
 
-    /// Keeps what was drawn before a change.
+    /// Keeps what was drawn before a change. What was undone before it is not done again.
     fn remember(&mut self, before: Drawn) {
+        self.undone.clear();
         if self.history.len() >= MOST_CHANGES {
             self.history.remove(0);
         }
@@ -506,7 +526,7 @@ impl Draft {
 
     /// Why the vehicle would not drive to one of the goals; `None` if nothing is known against them. `standing` has the bounds
     /// that hold also after the draft is sent; an area of the draft takes the place of theirs.
-    pub(super) fn goal_warning(&self, standing: &Bounds) -> Option<String> {
+    fn goal_warning(&self, standing: &Bounds) -> Option<String> {
         let area = self.area.as_ref().or(standing.area.as_ref());
         self.numbered().find_map(|(number, goal)| {
             let mut zones = self.drawn.keep_out.iter().chain(&standing.keep_out);
@@ -516,6 +536,17 @@ impl Draft {
             let is_outside = area.is_some_and(|area| !is_in_or_near(area, goal.at, 0.0));
             is_outside.then(|| format!("goal {number} lies outside of the area"))
         })
+    }
+
+    /// What speaks against sending the draft: a goal, or the vehicle, which is at this place, is where it must not be.
+    pub(super) fn warnings(
+        &self,
+        standing: &Bounds,
+        vehicle: Option<[f64; 2]>,
+    ) -> impl Iterator<Item = String> {
+        let is_in = |at| self.drawn.keep_out.iter().any(|zone| is_in_or_near(zone, at, 0.0));
+        let encloses = vehicle.is_some_and(is_in).then(|| "the vehicle stands in a keep-out zone".to_owned());
+        self.goal_warning(standing).into_iter().chain(encloses)
     }
 
     /// How much the draft has of each kind.

@@ -377,6 +377,33 @@ fn every_change_is_taken_back_the_last_one_first() {
     assert_eq!((0..2 * MOST_CHANGES).filter(|_| draft.undo()).count(), MOST_CHANGES);
 }
 
+#[test]
+fn changes_that_were_taken_back_are_done_again_until_there_is_another_one() {
+    let mut draft = draft_of_nothing();
+    for goal in [A, B, C] {
+        draft.click(goal, M_PER_POINT);
+    }
+    assert!(!draft.redo());
+    assert!(draft.undo() && draft.undo());
+    assert_eq!(goals(&draft), [A]);
+    assert!(draft.redo() && draft.redo() && !draft.redo());
+    assert_eq!(goals(&draft), [A, B, C]);
+    assert!(draft.undo() && draft.redo() && draft.undo());
+    draft.click([9.0, 9.0], M_PER_POINT);
+    assert!(!draft.redo(), "something else was drawn instead");
+    assert_eq!(goals(&draft), [A, B, [9.0, 9.0]]);
+    assert!(draft.undo() && draft.undo() && draft.undo() && !draft.undo());
+    assert!(draft.can_undo_or_redo());
+}
+
+#[test]
+fn a_zone_that_encloses_the_vehicle_is_told() {
+    let draft = with_a_zone();
+    let told = |vehicle| draft.warnings(&Bounds::default(), vehicle).collect::<Vec<_>>();
+    assert_eq!(told(Some([2.0, 2.0])), ["the vehicle stands in a keep-out zone"]);
+    assert!(told(Some([5.0, 2.0])).is_empty() && told(None).is_empty());
+}
+
 fn square(x_m: f64) -> Vec<[f64; 2]> {
     [[x_m, 0.0], [x_m + 4.0, 0.0], [x_m + 4.0, 4.0], [x_m, 4.0]].into()
 }

@@ -27,6 +27,8 @@ const HATCH: f32 = 9.0;
 const GOALS_HELP: &str = "Each click adds a goal; drag one to move it, right-click it to delete it";
 const ZONES_HELP: &str = "Each click adds a corner, and a click on the first one closes the zone; \
     drag a corner to move it, right-click a zone to delete it";
+/// What undo does, and how a change is done again.
+const UNDO_HELP: &str = "Take the last change back (ctrl Z over the map; ctrl Y does it again)";
 /// Radius of the ring of a goal that was reached, screen points.
 const REACHED_RADIUS: f32 = 5.0;
 /// Radius of the disc of a corner, screen points.
@@ -134,9 +136,9 @@ fn sending_frame(frame: &Frame, map: &str) -> Result<(String, Pose), String> {
 }
 
 impl Map {
-    /// Says that the key of undo is for the mission that is drawn here, while the pointer is over the map.
+    /// Says that the keys of undo and redo are for the mission that is drawn here, while the pointer is over the map.
     pub(super) fn offer_undo(&self, ui: &Ui, cx: &mut ViewContext<'_>, map: &str, canvas: Rect) {
-        if self.draft.as_ref().is_some_and(Draft::can_undo) && ui.rect_contains_pointer(canvas) {
+        if self.draft.as_ref().is_some_and(Draft::can_undo_or_redo) && ui.rect_contains_pointer(canvas) {
             cx.selection.hovered.said().mission = Some(map.into());
         }
     }
@@ -199,6 +201,7 @@ impl Map {
         map: &str,
         response: &Response,
         at: At,
+        vehicle: Option<[f64; 3]>,
     ) {
         let Some(buffer) = Inputs::of(cx.frame).mission else { return };
         let awaits = self.awaits_mission(&cx.selection.drafts);
@@ -221,7 +224,7 @@ impl Map {
             self.take_choice(cx, map, &buffer, choice);
         }
         if self.draft.is_some() {
-            self.mission_plate(ui, cx, map, &buffer, at);
+            self.mission_plate(ui, cx, map, &buffer, at, vehicle.map(|[x, y, _]| [x, y]));
         }
     }
 
@@ -281,8 +284,16 @@ impl Map {
         choice
     }
 
-    /// The panel of the draft.
-    fn mission_plate(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, map: &str, buffer: &str, at: At) {
+    /// The panel of the draft. `vehicle` is the place of the vehicle.
+    fn mission_plate(
+        &mut self,
+        ui: &mut Ui,
+        cx: &mut ViewContext<'_>,
+        map: &str,
+        buffer: &str,
+        at: At,
+        vehicle: Option<[f64; 2]>,
+    ) {
         let Some(draft) = &mut self.draft else { return };
         let tokens = tokens(ui);
         let target = sending_frame(cx.frame, map);
@@ -298,7 +309,7 @@ impl Map {
                 ui.selectable_value(&mut draft.adds, Adds::Zone, "Keep-out zones").on_hover_text(ZONES_HELP);
                 ui.separator();
                 let undo = ui.button(icons::ICON_UNDO.rich_text());
-                if undo.on_hover_text("Take the last change back (ctrl Z over the map)").clicked() {
+                if undo.on_hover_text(UNDO_HELP).clicked() {
                     draft.undo();
                 }
                 let clear = ui.button(icons::ICON_DELETE.rich_text());
@@ -330,7 +341,7 @@ impl Map {
                 ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
             };
             line(format!("{}: {text}", draft.summary()), color);
-            if let Some(warning) = draft.goal_warning(&standing) {
+            for warning in draft.warnings(&standing, vehicle) {
                 line(warning, tokens.warning);
             }
         });

@@ -25,6 +25,7 @@ mod picture;
 mod plan;
 mod preview;
 mod robot;
+mod saved;
 mod shared_draft;
 mod toolbar;
 mod topics;
@@ -35,7 +36,6 @@ mod undrawn;
 
 use crate::canvas::Viewport;
 use crate::clip::is_place;
-use crate::cloud_look::CloudLook;
 use crate::view::{Draws, Preview, SavedState, View, ViewContext};
 use egui::{Context, Pos2, Rect, Response, Role, Sense, Ui, Vec2, WidgetInfo};
 use entities::OnMap;
@@ -45,7 +45,6 @@ use grid::Extent;
 use labels::Labels;
 use layers::{Kind, Layer, Tracks};
 use ocu_ui::legend::{self, round_step};
-use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, tokens, widgets};
 use preview::Edited;
 use rcs_geom::Pose;
@@ -53,64 +52,10 @@ use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, SourceKind, Topic, WGS84};
 use rcs_world::Weights;
 use robot::Robot;
-use serde::{Deserialize, Serialize};
+use saved::{LayerState, Saved};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 pub(crate) use topics::{frame_for, in_scene};
-
-/// Saved settings of a layer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-struct LayerState {
-    shown: bool,
-    opacity: f32,
-    /// Field by which a grid is coloured; the first choice where `None`.
-    shade: Option<String>,
-    /// How a cloud is drawn.
-    cloud: CloudLook,
-}
-
-impl Default for LayerState {
-    fn default() -> Self {
-        Self { shown: true, opacity: 1.0, shade: None, cloud: CloudLook::default() }
-    }
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-struct Saved {
-    /// Frame of the map; `None` to select one automatically.
-    frame: Option<String>,
-    /// Colours of costs.
-    palette: MapPalette,
-    /// Layers that were changed by hand, by topic.
-    layers: BTreeMap<String, LayerState>,
-    /// Whether tracks without a transform are aligned with another one by their first metres.
-    align: bool,
-    /// Whether the layer panel is open; `None` to open it where there is room.
-    panel: Option<bool>,
-    /// Where it looks; `None` to fit everything.
-    viewport: Option<Viewport>,
-    /// Whether the vehicle stays in the middle.
-    follows: bool,
-    /// Whether the map is turned so that the vehicle heads up.
-    vehicle_up: bool,
-}
-
-impl Default for Saved {
-    fn default() -> Self {
-        Self {
-            frame: None,
-            palette: MapPalette::default(),
-            layers: BTreeMap::new(),
-            align: true,
-            panel: None,
-            viewport: None,
-            follows: false,
-            vehicle_up: false,
-        }
-    }
-}
 
 /// Least width and height that the map of a run shows until a person zooms, m.
 const LEAST_OF_A_RUN_M: f64 = 20.0;
@@ -375,7 +320,7 @@ impl Map {
         paint::metre_numbers(ui, canvas, numbers);
         let preview_down = self.badges(ui, cx.frame, map, &shown, viewport, canvas);
         self.paint_measured(ui, viewport, canvas, &mut labels);
-        self.command_mission(ui, cx, map, &response, at);
+        self.command_mission(ui, cx, map, &response, at, vehicle);
         self.draw_example(ui, cx, map, &response, at);
         // The numbers of the metre lines are at the left and at the top.
         let free = Rect::from_min_max(canvas.min + Vec2::new(32.0, 16.0), canvas.max - Vec2::splat(4.0));

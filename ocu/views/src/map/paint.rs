@@ -364,12 +364,17 @@ pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) -> Vec<Metr
 }
 
 /// The numbers of the grid lines, each on a ground of the canvas's colour, so that they are read over clouds and tracks.
+/// One for which there is no room below the upper edge is left out.
 pub(super) fn metre_numbers(ui: &Ui, canvas: Rect, numbers: Vec<MetreNumber>) {
     let tokens = tokens(ui);
     let painter = ui.painter_at(canvas);
     for MetreNumber { at, align, text } in numbers {
         let galley = painter.layout_no_wrap(text, FontId::monospace(10.0), tokens.text);
         let place = align.anchor_size(at, galley.size());
+        // The bar above would cut it in half.
+        if place.top() < canvas.top() {
+            continue;
+        }
         painter.rect_filled(place.expand2(Vec2::new(2.0, 0.0)), 2.0, tokens.canvas().gamma_multiply(0.8));
         painter.galley(place.min, galley, tokens.text);
     }
@@ -407,6 +412,26 @@ mod tests {
             });
             output.drop_without_applying_deltas();
         }
+    }
+
+    #[test]
+    fn a_number_that_would_reach_above_the_map_is_left_out() {
+        let canvas = Rect::from_min_size(Pos2::new(0.0, 40.0), Vec2::splat(300.0));
+        // The line of y = 1 m lies 5 points below the upper edge.
+        let viewport = Viewport { center: [0.0, -0.45], scale: 100.0, y_up: true, turned_rad: 0.0 };
+        let output = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+            let numbers = metre_lines(ui, viewport, canvas);
+            metre_numbers(ui, canvas, numbers);
+        });
+        let mut texts = Vec::new();
+        for clipped in &output.shapes {
+            let Shape::Text(text) = &clipped.shape else { continue };
+            assert!(text.pos.y >= canvas.top(), "{:?}", text.galley.text());
+            texts.push(text.galley.text().to_owned());
+        }
+        texts.sort_unstable();
+        assert_eq!(texts, ["-1", "-1", "0", "0", "1"]);
+        output.drop_without_applying_deltas();
     }
 
     #[test]

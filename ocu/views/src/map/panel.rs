@@ -7,8 +7,8 @@ use super::uncertainty::{Covariance, SIGMAS};
 use super::{LayerState, Map, picture, undrawn};
 use crate::cloud_colors::{CloudColors, intensity_color};
 use crate::cloud_look::ONE;
-use egui::{Align2, Color32, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
-use ocu_ui::{format, icons, legend, palette, tokens, widgets};
+use egui::{Align2, Color32, Rect, RichText, Role, ScrollArea, Ui, UiBuilder, Vec2, WidgetInfo};
+use ocu_ui::{format, icons, legend, palette, short_name, tokens, widgets};
 use rcs_msg::foxglove::PointCloud;
 use rcs_runtime::source::{Frame, Topic};
 
@@ -186,9 +186,9 @@ impl Map {
         (wish, zoom)
     }
 
-    /// The legend of the map's colours; returns its place.
+    /// The legend of the map's colours, which can be folded; returns its place.
     pub(super) fn legend(
-        &self,
+        &mut self,
         ui: &mut Ui,
         frame: &Frame,
         layers: &[Layer<'_>],
@@ -203,6 +203,14 @@ impl Map {
         let lines = if listed { Vec::new() } else { self.lines(ui, layers, shown) };
         if !colored && lines.is_empty() {
             return None;
+        }
+        if self.saved.legend == Some(false) {
+            let unfolds = |ui: &mut Ui| {
+                widgets::icon_button(ui, icons::ICON_UNFOLD_MORE, "Unfold the legend").clicked()
+            };
+            let (unfolds, place) = legend::plate(ui, canvas, Align2::LEFT_BOTTOM, unfolds);
+            self.saved.legend = Some(unfolds);
+            return Some(place);
         }
         let palette = self.saved.palette;
         let width = (canvas.width() * LEGEND_PART).max(LEGEND_WIDTH);
@@ -256,6 +264,16 @@ impl Map {
                     ui.set_max_width(width.min(ui.available_width()));
                     line_names(ui, &lines, height);
                 });
+            }
+        });
+        // Beside the legend, which needs its rows.
+        let button = Rect::from_min_max(
+            place.right_bottom() + Vec2::new(2.0, -24.0),
+            place.right_bottom() + Vec2::new(26.0, 0.0),
+        );
+        ui.scope_builder(UiBuilder::new().max_rect(button), |ui| {
+            if widgets::icon_button(ui, icons::ICON_UNFOLD_LESS, "Fold the legend").clicked() {
+                self.saved.legend = Some(false);
             }
         });
         Some(place)
@@ -385,7 +403,8 @@ fn heading(ui: &mut Ui, layers: &[Layer<'_>], index: usize, state: &mut LayerSta
                 zoom = widgets::icon_button(ui, icons::ICON_CENTER_FOCUS_STRONG, &name).clicked();
             }
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                ui.add(egui::Label::new(&layer.name).truncate());
+                let names: Vec<&str> = layers.iter().map(|layer| layer.name.as_str()).collect();
+                short_name::label(ui, &layer.name, &names);
             });
         });
     });
@@ -431,6 +450,35 @@ mod tests {
         let left = after.remove("/localization/local (run 0)");
         assert!(left.is_some() && left == before.get("/localization/local").copied(), "{after:?}");
         assert_eq!(after, before);
+    }
+
+    #[test]
+    fn names_of_layers_that_find_no_room_are_still_told_from_each_other() {
+        let frame = samples::compared();
+        let count = layers::layers(&frame).len();
+        let mut harness = Harness::builder()
+            .with_size(Vec2::new(190.0, 900.0))
+            .with_context_setup(ocu_ui::install)
+            .build_ui(move |ui| {
+                let layers = layers::layers(&frame);
+                for index in 0..layers.len() {
+                    widgets::named(ui, index, |ui| heading(ui, &layers, index, &mut LayerState::default()));
+                }
+            });
+        harness.run();
+        let mut texts = Vec::new();
+        for clipped in &harness.output().shapes {
+            let egui::Shape::Text(text) = &clipped.shape else { continue };
+            let name = text.galley.text();
+            if name.contains('/') || name.contains('…') {
+                assert!(!text.galley.elided, "{name}");
+                texts.push(name.to_owned());
+            }
+        }
+        assert!(texts.iter().any(|name| name.contains('…')), "{texts:?}");
+        texts.sort_unstable();
+        texts.dedup();
+        assert_eq!(texts.len(), count, "{texts:?}");
     }
 
     #[test]

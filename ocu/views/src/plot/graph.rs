@@ -1,108 +1,18 @@
 //! One graph: what it draws, its legend, and what the pointer does on it.
 
-use super::axis::{Axis, GraphKind, among};
+use super::GUTTER;
+use super::axis::{Axis, GraphKind};
 use super::columns::Kept;
-use super::menu::{self, Asked};
+use super::drawn::{Drawn, Place};
+use super::legend;
+use super::menu::Asked;
 use super::paint::{self, BAND, Clock, Reduced};
-use super::saved::{Curve, Graph, Saved};
-use super::{GUTTER, color_of, run_label};
-use crate::series::{Shelf, Shown, array};
+use super::saved::{Graph, Saved};
+use crate::series::Shown;
 use crate::view::{Hover, ViewContext};
-use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
-use ocu_ui::{format, tokens};
-use rcs_formula::Over;
+use egui::{Rect, Response, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
+use ocu_ui::tokens;
 use rcs_msg::Stamp;
-use rcs_runtime::source::Frame;
-
-const LEGEND_ROW: f32 = 16.0;
-/// Number of frequencies among which the legend finds the greatest amplitude.
-const MOST_PEAK: usize = 65_536;
-
-/// What a curve draws.
-pub(super) struct DrawnCurve {
-    pub(super) label: String,
-    pub(super) color: Color32,
-    pub(super) right: bool,
-    pub(super) shown: Shown,
-}
-
-/// What a graph draws.
-pub(super) struct Drawn {
-    pub(super) kind: GraphKind,
-    pub(super) curves: Vec<DrawnCurve>,
-    /// The horizontal axis of [`GraphKind::Against`].
-    against: Option<(String, Shown)>,
-}
-
-impl Drawn {
-    pub(super) fn new(ui: &Ui, frame: &Frame, shelf: &mut Shelf, graph: &Graph, color: &mut usize) -> Self {
-        let mut curves = Vec::new();
-        // What the values of each curve are over.
-        let mut over = Vec::new();
-        for curve in &graph.curves {
-            let (ctx, run) = (ui.ctx(), curve.run);
-            let mut shown = shelf.shown(ctx, frame, &curve.formula, run);
-            let mut of = match shown.over {
-                Over::Time => GraphKind::Time,
-                Over::Frequency => GraphKind::Frequency,
-            };
-            if shown.points.is_empty()
-                && let Ok(formula) = shelf.formula(&curve.formula)
-                && let Some(found) = formula.as_field().and_then(|field| array(ctx, frame, field, run))
-            {
-                match found {
-                    Ok(found) => (shown, of) = (found, GraphKind::Index),
-                    // It may be no array, so that it does not displace curves over time.
-                    Err(problem) if shown.problem.is_some() => shown.problem = Some(problem.into()),
-                    Err(_) => {}
-                }
-            }
-            over.push(of);
-            let label = format!("{}{}", curve.formula, run_label(curve.run));
-            curves.push(DrawnCurve { label, color: color_of(ui, *color), right: curve.right, shown });
-            *color += 1;
-        }
-        let kind = if graph.against.is_some() {
-            GraphKind::Against
-        } else if over.contains(&GraphKind::Index) {
-            GraphKind::Index
-        } else if !over.is_empty() && over.iter().all(|of| *of == GraphKind::Frequency) {
-            GraphKind::Frequency
-        } else {
-            GraphKind::Time
-        };
-        let fits = |of: GraphKind| of == kind || (of, kind) == (GraphKind::Time, GraphKind::Against);
-        for (curve, of) in curves.iter_mut().zip(over).filter(|(_, of)| !fits(*of)) {
-            let problem = match of {
-                GraphKind::Frequency => "a spectrum is over frequency; give it a graph of its own",
-                GraphKind::Index => "an array is over its index; give it a graph of its own",
-                // Why it has no values is said already.
-                _ if curve.shown.points.is_empty() => continue,
-                _ => "it is over time, and the array beside it over its index; give it a graph of its own",
-            };
-            curve.shown = Shown { problem: Some(problem.into()), ..Shown::default() };
-        }
-        let run = graph.curves.first().map(|curve| curve.run).unwrap_or_default();
-        let against =
-            graph.against.as_ref().map(|text| (text.clone(), shelf.shown(ui.ctx(), frame, text, run)));
-        Self { kind, curves, against }
-    }
-
-    pub(super) fn has_right_axis(&self) -> bool {
-        self.curves.iter().any(|curve| curve.right && !curve.shown.are_states())
-    }
-}
-
-/// Where a graph is.
-pub(super) struct Place {
-    pub(super) index: usize,
-    pub(super) plot: Rect,
-    /// Whether the horizontal axis has marks.
-    pub(super) labelled: bool,
-    /// The visible time, in seconds.
-    pub(super) time: (f64, f64),
-    pub(super) clock: Clock,
-}
 
 /// What the pointer asked for.
 pub(super) enum Act {
@@ -179,7 +89,8 @@ pub(super) fn ui(
     curves(&inside, drawn, &reduced, &axes, quantities, tokens);
     let mut acts = pointer(ui, graph, drawn, place, &response, &axes);
     let at = times(ui, cx, drawn, place, &response, &axes, &inside);
-    acts.extend(legend(ui, saved, drawn, &reduced, place, at));
+    let of_curve = |(curve, asked)| Act::Curve { graph: place.index, curve, asked };
+    acts.extend(legend::ui(ui, saved, drawn, &reduced, place, at).into_iter().map(of_curve));
     acts
 }
 
@@ -370,145 +281,4 @@ fn pointer(
         }
     }
     acts
-}
-
-/// The names of the curves with their values at a time, and their menus.
-fn legend(
-    ui: &mut Ui,
-    saved: &Saved,
-    drawn: &Drawn,
-    reduced: &[Reduced],
-    place: &Place,
-    at: Option<Stamp>,
-) -> Vec<Act> {
-    let tokens = tokens(ui);
-    let mut acts = Vec::new();
-    let most = ((place.plot.height() - 8.0) / LEGEND_ROW).max(1.0) as usize;
-    for (index, curve) in drawn.curves.iter().enumerate().take(most) {
-        let top = place.plot.top() + 4.0 + LEGEND_ROW * index as f32;
-        let spread = reduced.get(index).map_or(0.0, Reduced::spread);
-        let (value, is_problem) = reading(drawn, curve, spread, at);
-        let font = FontId::proportional(11.0);
-        let name = match &drawn.against {
-            Some((against, _)) => format!("{} against {against}", curve.label),
-            None => curve.label.clone(),
-        };
-        let room = (place.plot.width() - 32.0).max(8.0);
-        // Some values are there, and others are not.
-        let lacks = curve.shown.problem.as_ref().filter(|_| !is_problem);
-        let color = if is_problem || lacks.is_some() { tokens.warning } else { tokens.strong };
-        let layout = |text: String, font: FontId, color: Color32, width: f32| {
-            let mut job = egui::text::LayoutJob::simple_singleline(text, font, color);
-            job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(8.0));
-            ui.painter().layout_job(job)
-        };
-        let whole = match lacks {
-            Some(problem) if value.is_empty() => problem.to_string(),
-            Some(problem) => format!("{value}; {problem}"),
-            None => value.clone(),
-        };
-        let value = layout(value, FontId::monospace(11.0), color, 0.6 * room);
-        let label = layout(name.clone(), font, tokens.text, room - value.size().x - 12.0);
-        let width = 20.0 + label.size().x + 12.0 + value.size().x;
-        let rect = Rect::from_min_size(Pos2::new(place.plot.left() + 6.0, top), Vec2::new(width, LEGEND_ROW));
-        let mut response =
-            ui.interact(rect, ui.scope_id().with(("legend", place.index, index)), Sense::click());
-        if label.elided || value.elided || curve.shown.problem.is_some() {
-            response = response.on_hover_text(format!("{name}: {whole}"));
-        }
-        let said = format!("Curve {name}");
-        response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &said));
-        let fill = if response.hovered() { tokens.surface[2] } else { tokens.canvas().gamma_multiply(0.8) };
-        ui.painter().rect_filled(rect.expand2(Vec2::new(2.0, 0.0)), 2.0, fill);
-        let (left, middle) = (rect.left(), rect.center().y);
-        ui.painter().hline(left + 2.0..=left + 14.0, middle, Stroke::new(2.5, curve.color));
-        let mut x = left + 20.0;
-        for (galley, gap) in [(label, 12.0), (value, 0.0)] {
-            let at = Pos2::new(x, middle - galley.size().y / 2.0);
-            x += galley.size().x + gap;
-            ui.painter().galley(at, galley, tokens.text);
-        }
-        let saved_curve: &Curve = &saved.graphs[place.index].curves[index];
-        let mut asked = None;
-        response.context_menu(|ui| asked = menu::ui(ui, saved, saved_curve));
-        if response.clicked() {
-            asked = Some(Asked::Edit);
-        }
-        acts.extend(asked.map(|asked| Act::Curve { graph: place.index, curve: index, asked }));
-    }
-    if drawn.curves.len() > most {
-        let at = place.plot.right_top() + Vec2::new(-6.0, 4.0);
-        let text = format!("{} more", drawn.curves.len() - most);
-        ui.painter().text(at, Align2::RIGHT_TOP, text, FontId::proportional(11.0), tokens.weak);
-    }
-    acts
-}
-
-/// The greatest amplitude of a spectrum and its frequency, without those of the trend: the first two.
-fn peak(shown: &Shown) -> String {
-    let points = (2..shown.points.len().min(MOST_PEAK)).filter_map(|index| shown.points.get(index));
-    let greatest = points.max_by(|a, b| a.value.total_cmp(&b.value));
-    greatest.map_or_else(String::new, |point| {
-        let hertz = point.stamp.0 as f64 * 1e-9;
-        format!("{} at {} Hz", format::number(point.value), format::number(hertz))
-    })
-}
-
-/// What the legend says beside a name, and whether that is a problem. A value has the digits that tell it from others of
-/// the curve, whose visible values have this spread.
-fn reading(drawn: &Drawn, curve: &DrawnCurve, spread: f64, at: Option<Stamp>) -> (String, bool) {
-    let shown = &curve.shown;
-    if let Some(problem) = shown.problem.as_ref().filter(|_| shown.points.is_empty()) {
-        return (problem.to_string(), true);
-    }
-    if let Some(reading) = shown.reading {
-        return (format!("{:.0} %", reading * 100.0), false);
-    }
-    let value = match (drawn.kind, at) {
-        (GraphKind::Time, Some(at)) => {
-            let index = shown.points.count_until(at);
-            index.checked_sub(1).and_then(|index| shown.points.get(index)).map(|point| point.value)
-        }
-        (GraphKind::Frequency, _) => return (peak(shown), false),
-        (GraphKind::Index, _) => return (format!("{} values", shown.points.len()), false),
-        _ => None,
-    };
-    let text = match value {
-        Some(value) => match shown.names.get(&(value as i64)).filter(|_| value.is_finite()) {
-            Some(name) => name.to_string(),
-            None if value.is_finite() => among(value, spread),
-            None => "–".to_owned(),
-        },
-        None if drawn.kind == GraphKind::Time => "–".to_owned(),
-        None => String::new(),
-    };
-    (text, false)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use egui::Rangef;
-    use rcs_runtime::source::FieldPoint;
-
-    /// What the legend says at 1 s of a curve with these values, one each second.
-    fn said(values: [f64; 3]) -> String {
-        let point = |(value, i): (f64, u64)| FieldPoint { stamp: Stamp(i * 1_000_000_000), value };
-        let points = values.into_iter().zip(0..).map(point).collect();
-        let shown = Shown { points, ..Shown::default() };
-        let axis = Axis::horizontal(0.0, 2.0, Rangef::new(0.0, 300.0));
-        let reduced = Reduced::new(&shown, &axis, Clock { start: Stamp(0) }, &mut Kept::default());
-        let curve = DrawnCurve { label: "/a.x".to_owned(), color: Color32::WHITE, right: false, shown };
-        let drawn = Drawn { kind: GraphKind::Time, curves: Vec::new(), against: None };
-        reading(&drawn, &curve, reduced.spread(), Some(Stamp(1_000_000_000))).0
-    }
-
-    #[test]
-    fn a_great_value_in_the_legend_has_the_digits_by_which_the_visible_ones_differ() {
-        assert_eq!(said([4_332_120.0, 4_332_123.456, 4_332_150.0]), "4332123.5");
-        assert_eq!(said([4_332_123.0, 4_332_123.456, 4_332_123.9]), "4332123.456");
-        assert_eq!(said([1.7e18, 1.7e18 + 3e10, 1.7e18 + 6e10]), "1.7000000300e18");
-        assert_eq!(said([0.5, 1.25, 2.0]), "1.25");
-        assert_eq!(said([7.0; 3]), "7");
-    }
 }

@@ -7,8 +7,10 @@
 
 mod axis;
 mod columns;
+mod drawn;
 mod entry;
 mod graph;
+mod legend;
 mod menu;
 mod paint;
 mod saved;
@@ -17,9 +19,9 @@ mod stats;
 use crate::series::{Shelf, Shown};
 use crate::view::{Draws, FieldKey, RunChoice, SavedState, View, ViewContext, Wish};
 use axis::GraphKind;
+use drawn::{Drawn, Place};
 use egui::{Color32, Pos2, Rect, Ui};
 use entry::{Entered, Entry};
-use graph::Drawn;
 use menu::Asked;
 use ocu_ui::bar::{self, Bar, Choice, Fit, Form};
 use ocu_ui::{icons, tokens, widgets};
@@ -285,7 +287,7 @@ impl Plot {
             let plot = Rect::from_x_y_ranges(inner.x_range(), top..=top + height.max(24.0));
             top = plot.bottom() + BETWEEN + if labelled(index) { BELOW } else { 0.0 };
             self.places.push(plot);
-            let place = graph::Place { index, plot, labelled: labelled(index), time: range, clock };
+            let place = Place { index, plot, labelled: labelled(index), time: range, clock };
             acts.extend(graph::ui(ui, cx, &self.saved, graph, &place, self.cursors));
         }
         ui.allocate_rect(area.with_max_y(area.bottom() - table), egui::Sense::hover());

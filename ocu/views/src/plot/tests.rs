@@ -423,6 +423,28 @@ fn under_the_pointer_the_legend_has_the_value_of_a_curve_and_why_not_all_values_
 }
 
 #[test]
+fn the_legend_of_many_curves_takes_half_of_the_graph_and_a_button_lists_them_all() {
+    let formulas: Vec<String> =
+        (0..10).map(|offset| format!("/vehicle/state.speed_mps + {offset}")).collect();
+    let formulas: Vec<&str> = formulas.iter().map(String::as_str).collect();
+    let mut harness = harness(plot(&[&formulas]), egui::Vec2::new(600.0, 220.0));
+    harness.run();
+    let graph = harness.state().view.places[0];
+    let rows = harness.query_all_by_label_contains("Curve /").count();
+    let label = format!("{} more", 10 - rows);
+    let more = harness.get_by_label(&label);
+    assert!(rows > 0 && more.rect().bottom() <= graph.center().y, "{rows} {} {graph}", more.rect());
+    more.click();
+    harness.run_steps(8);
+    harness.get_by_label_contains("/vehicle/state.speed_mps + 8: ");
+    // Others may lie below the end of the list that is visible in so low a window.
+    harness.get_by_label("Remove /vehicle/state.speed_mps + 0").click();
+    harness.run_steps(8);
+    let left: Vec<&str> = harness.state().view.saved.formulas().collect();
+    assert_eq!(left, formulas[1..]);
+}
+
+#[test]
 fn the_line_changes_the_curve_for_which_it_was_opened_although_one_before_it_is_removed() {
     let mut view = plot(&[&["/vehicle/state.speed_mps", "/planner/status.state", "/planner/status.cycle"]]);
     view.saved.entry = Some(Entry::new("/planner/status.state".to_owned(), Some((0, 1))));

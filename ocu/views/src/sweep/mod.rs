@@ -95,10 +95,8 @@ impl View for Sweep {
         });
         if let Some(problem) = &state.problem {
             let text = RichText::new(problem).color(tokens(ui).error);
-            ui.horizontal_wrapped(|ui| {
-                ui.add_space(8.0);
-                ui.add(egui::Label::new(text).wrap())
-            });
+            let place = egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 0));
+            place.show(ui, |ui| ui.add(egui::Label::new(text).wrap()));
         }
         table::ui(ui, cx, &state);
     }
@@ -144,8 +142,10 @@ impl Sweep {
                 if widgets::named(ui, "cancel", |ui| ui.button(cancel).clicked()) {
                     cx.wishes.push(Wish::CancelSweep);
                 }
-                let part = state.rows.len() as f32 / state.total.max(1) as f32;
-                let text = format!("{} of {} runs", state.rows.len(), state.total);
+                let (part, text) = match (state.rows.len(), state.total) {
+                    (_, 0) => (0.0, "checking".to_owned()),
+                    (ended, total) => (ended as f32 / total as f32, format!("{ended} of {total} runs")),
+                };
                 let width = (ui.available_width() - 4.0).clamp(80.0, 320.0);
                 ui.add(egui::ProgressBar::new(part).desired_width(width).text(text));
             } else {
@@ -165,11 +165,13 @@ impl Sweep {
 fn said(state: &SweepState) -> String {
     let judged = state.rows.iter().filter_map(|row| row.reached).count();
     let reached = state.rows.iter().filter(|row| row.reached == Some(true)).count();
-    match (state.rows.len(), judged) {
+    let rows = state.rows.len();
+    let text = match (rows, judged) {
         (0, _) => state.what.clone(),
-        (rows, 0) => format!("{rows} runs of {}", state.what),
-        (rows, _) => format!("{reached} of {rows} runs of {} reached the goal", state.what),
-    }
+        (_, 0) => format!("{rows} runs of {}", state.what),
+        _ => format!("{reached} of {rows} runs of {} reached the goal", state.what),
+    };
+    if rows < state.total { format!("{text}; cancelled after {rows} of {}", state.total) } else { text }
 }
 
 fn named(ui: &Ui, response: &egui::Response, name: &str) {

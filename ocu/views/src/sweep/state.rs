@@ -43,9 +43,9 @@ pub struct SweepRow {
 pub struct SweepState {
     /// What is run, for its title; empty if nothing that is open can be.
     pub what: String,
-    /// The runs that ended, in the order of the request.
+    /// The runs that ended, in the order of the request; those of the sweep before until this one has been checked.
     pub rows: Vec<SweepRow>,
-    /// Number of all runs.
+    /// Number of all runs; 0 until the sweep has been checked.
     pub total: usize,
     /// Whether runs are still to end.
     pub is_running: bool,

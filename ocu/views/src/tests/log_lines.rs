@@ -2,7 +2,7 @@
 
 use super::{Shown, harness};
 use crate::samples;
-use egui::{Event, Theme, Vec2};
+use egui::{Color32, Event, Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::Stamp;
@@ -96,6 +96,36 @@ fn a_click_on_a_line_goes_to_its_time_and_pauses_there() {
     let line = at(&harness.state().frame, 48);
     let controls = &harness.state().controls;
     assert!(matches!(controls[..], [Control::Pause, Control::Seek(to)] if to == line), "{controls:?}");
+}
+
+#[test]
+fn warnings_of_the_future_are_as_dim_as_its_other_lines() {
+    let empty = samples::empty();
+    let line = |second: u64, text: &str| Line {
+        stamp: at(&empty, second),
+        kind: EventKind::Log,
+        level: EventLevel::Warning,
+        source: "node".into(),
+        text: text.into(),
+    };
+    let events = Events::of(RunTag::FIRST, [line(10, "earlier"), line(60, "later")]);
+    let frame = Frame { now: at(&empty, 50), events: Arc::new([events]), ..empty };
+    let mut harness = harness(Shown::new("log", frame), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    // Each text with its place from above and its colour; icons are texts, too.
+    let painted = harness.output().shapes.iter().filter_map(|painted| {
+        let Shape::Text(text) = &painted.shape else { return None };
+        let color = text.galley.job.sections.first()?.format.color;
+        Some((text.galley.text().to_owned(), text.pos.y, color))
+    });
+    let painted: Vec<(String, f32, Color32)> = painted.collect();
+    let tokens = ocu_ui::tokens_of(Theme::Dark);
+    for (line, in_warning) in [("earlier", 2), ("later", 0)] {
+        let y = painted.iter().find(|(text, ..)| text == line).unwrap().1;
+        let is_warning =
+            |(_, at, color): &&(String, f32, Color32)| (at - y).abs() < 9.0 && *color == tokens.warning;
+        assert_eq!(painted.iter().filter(is_warning).count(), in_warning, "{line}: {painted:?}");
+    }
 }
 
 #[test]

@@ -128,7 +128,7 @@ fn where_no_goals_were_sent_the_panel_says_what_the_vehicle_does_and_deleting_al
 }
 
 #[test]
-fn the_key_of_undo_takes_back_the_last_change_of_the_mission_under_the_pointer() {
+fn the_keys_of_undo_and_redo_are_for_the_mission_under_the_pointer() {
     let undo = |map: &mut Harness<'static, Shown>| {
         let is_done = map.state_mut().selection.undo_under_pointer();
         map.run();
@@ -137,6 +137,11 @@ fn the_key_of_undo_takes_back_the_last_change_of_the_mission_under_the_pointer()
     let mut map = with_a_goal_drawn();
     assert!(undo(&mut map) && says(&map, "1 goal, 0 keep-out zones: as sent"));
     assert!(!undo(&mut map), "there is no other change");
+    assert!(map.state_mut().selection.redo_under_pointer());
+    map.run();
+    assert!(says(&map, "2 goals, 0 keep-out zones: not sent"));
+    assert!(!map.state_mut().selection.redo_under_pointer(), "all was done again");
+    assert!(undo(&mut map));
     let at = middle(&map) + Vec2::new(40.0, 60.0);
     click(&mut map, at, Primary);
     map.hover_at(Pos2::new(at.x, 4.0));
@@ -216,4 +221,34 @@ fn the_disc_of_a_goal_with_its_number_lies_above_the_flag_at_its_place() {
     let is_foot = |shape: &Shape| circle(shape, 3.0).is_some_and(|foot| foot.distance(center) < 0.5);
     let foot = shapes.iter().rposition(|painted| is_foot(&painted.shape)).unwrap();
     assert!(foot < disc, "{foot} {disc}");
+}
+
+#[test]
+fn the_panel_says_that_a_drawn_zone_encloses_the_vehicle() {
+    let mut map = map_of_a_vehicle_at([1.0, 2.0], 0.5);
+    // It is in the middle of the map.
+    press(&mut map, "Follow the vehicle");
+    press(&mut map, "Draw a mission");
+    press(&mut map, "Keep-out zones");
+    let warning = "the vehicle stands in a keep-out zone";
+    assert!(!says(&map, warning));
+    let vehicle = middle(&map);
+    for corner in [[-60.0, -60.0], [60.0, -60.0], [0.0, 60.0], [-60.0, -60.0]] {
+        click(&mut map, vehicle + Vec2::from(corner), Primary);
+    }
+    assert!(says(&map, warning));
+}
+
+#[test]
+fn the_legend_of_a_map_is_folded_and_unfolded() {
+    let mut map = shown("map");
+    let is_unfolded = |map: &Harness<'_, Shown>| map.query_by_label("Fold the legend").is_some();
+    assert!(is_unfolded(&map));
+    map.get_by_label("Fold the legend").click();
+    map.run();
+    assert!(!is_unfolded(&map));
+    assert_eq!(map.state().view.save()["legend"], false);
+    map.get_by_label("Unfold the legend").click();
+    map.run();
+    assert!(is_unfolded(&map));
 }

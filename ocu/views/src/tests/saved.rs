@@ -34,6 +34,7 @@ fn other_state(kind: &str) -> SavedState {
             } },
             "align": false,
             "panel": false,
+            "legend": false,
             "viewport": viewport(true),
             "follows": true,
             "vehicle_up": true,

@@ -77,6 +77,41 @@ fn run_asks_for_the_sweep_of_the_form_and_cancel_ends_it() {
 }
 
 #[test]
+fn a_sweep_that_was_cancelled_says_after_how_many_of_its_runs() {
+    let said = |state: SweepState| {
+        let harness = shown(SweepState { is_running: false, ..state }, Vec2::new(760.0, 300.0), Theme::Dark);
+        let is_told = |text: &str| harness.query_by_label_contains(text).is_some();
+        assert!(is_told("5 of 7 runs of lagr on dead_end reached the goal"));
+        is_told("cancelled after 7 of 9")
+    };
+    assert!(said(running()));
+    assert!(!said(SweepState { total: 7, ..running() }));
+}
+
+#[test]
+fn a_sweep_that_is_being_checked_counts_no_runs_of_the_one_before() {
+    let harness = shown(SweepState { total: 0, ..running() }, Vec2::new(760.0, 300.0), Theme::Dark);
+    assert!(harness.query_by_label_contains("7 of").is_none());
+    assert!(harness.query_by_label("Run with seed 2 planner.clearance_m=0.2: time_limit").is_some());
+}
+
+#[test]
+fn every_line_of_a_problem_begins_below_the_form() {
+    let problem = "truth_driver.vehicle_width_m: got 9, expected a number from 0.1 to 5 m";
+    let refused = SweepState { is_running: false, problem: Some(problem.to_owned()), ..running() };
+    let harness = shown(refused, Vec2::new(300.0, 420.0), Theme::Dark);
+    let painted = harness.output().shapes.iter().find_map(|clipped| match &clipped.shape {
+        egui::Shape::Text(text) if text.galley.text() == problem => {
+            assert!(text.galley.rows.len() > 1, "it is wrapped");
+            Some(clipped.shape.visual_bounding_rect())
+        }
+        _ => None,
+    });
+    let (left, of_form) = (painted.unwrap().left(), harness.get_by_label("Parameter").rect().left());
+    assert!((left - of_form).abs() < 2.0, "{left} {of_form}");
+}
+
+#[test]
 fn a_click_on_a_run_opens_its_recording() {
     let mut harness = shown(running(), Vec2::new(760.0, 300.0), Theme::Dark);
     harness.get_by_label("Run with seed 2 planner.clearance_m=0.2: time_limit").click();

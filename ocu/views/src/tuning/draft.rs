@@ -207,20 +207,22 @@ impl Draft {
         self.sent.drain(..surplus);
     }
 
-    pub(super) fn can_undo(&self) -> bool {
-        !self.sent.is_empty()
+    /// Why nothing can be taken back; `None` if the last message can, which is in force.
+    pub(super) fn cannot_undo(&self, in_force: &AnyMessage) -> Option<&'static str> {
+        match self.sent.last() {
+            None => Some("Nothing was sent from here."),
+            Some(sent) if is_equal(in_force, &sent.written) => None,
+            Some(_) => Some("What was sent last is not in force here: nothing to undo."),
+        }
     }
 
-    /// The parameters that the last message replaced. Where that message is not in force, nothing is taken back, and the
-    /// reason is shown.
+    /// The parameters that the last message replaced, where that message is in force.
     pub(super) fn undo(&mut self, in_force: &AnyMessage) -> Option<AnyMessage> {
-        let Sent { written, .. } = self.sent.last()?;
-        if is_equal(in_force, written) {
-            self.refused = None;
-            return self.sent.pop().map(|sent| sent.before);
+        if self.cannot_undo(in_force).is_some() {
+            return None;
         }
-        self.refused = Some("what was sent last is not in force here: nothing to undo".to_owned());
-        None
+        self.refused = None;
+        self.sent.pop().map(|sent| sent.before)
     }
 
     /// `written` is sent. If a map with the parameters in force `is_awaited`, the newest one was made with older ones.
@@ -398,6 +400,20 @@ mod tests {
     }
 
     #[test]
+    fn what_was_refused_is_told_until_other_parameters_are_in_force() {
+        let mut draft = Draft::default();
+        let follow = |draft: &mut Draft, in_force: f64| {
+            draft.follow(&speed(in_force), &speed(in_force).value().unwrap());
+        };
+        follow(&mut draft, 1.0);
+        draft.set(&speed(1.0), "max_speed_mps", "fast".to_owned());
+        for (in_force, is_told) in [(1.0, true), (2.0, false)] {
+            follow(&mut draft, in_force);
+            assert_eq!(draft.refused().is_some(), is_told, "{in_force}");
+        }
+    }
+
+    #[test]
     fn parameters_that_were_sent_one_after_the_other_replace_those_of_the_newest_map() {
         let mut draft = Draft::default();
         assert!(draft.replaced(&speed(1.0)).is_none());
@@ -437,10 +453,13 @@ mod tests {
         draft.take_fault(at(11), &status(3, "refused"));
         draft.keep(0, speed(1.0));
         draft.set(&speed(2.0), "max_speed_mps", "3".to_owned());
-        assert!(draft.can_undo() && draft.fault().is_some());
+        assert!(draft.cannot_undo(&speed(2.0)).is_none() && draft.fault().is_some());
+        let other = draft.cannot_undo(&speed(1.0));
+        assert!(other.is_some_and(|why| why.contains("not in force")), "{other:?}");
         draft.forget_sent();
         draft.take_fault(at(12), &status(4, "late"));
-        assert!(!draft.can_undo() && draft.fault().is_none());
+        assert_eq!(draft.cannot_undo(&speed(2.0)), Some("Nothing was sent from here."));
+        assert_eq!(draft.fault(), None);
         assert!(draft.is_changed() && draft.kept(0).is_some());
     }
 }

@@ -13,7 +13,7 @@ use crate::view::{Preview, PreviewStage, SavedState, View, ViewContext, Wish, ru
 use controls::Row;
 use draft::Draft;
 pub(crate) use draft::is_equal;
-use egui::{RichText, Role, ScrollArea, Ui, UiBuilder, WidgetInfo};
+use egui::{Align, Layout, RichText, Role, ScrollArea, Ui, UiBuilder, Vec2, WidgetInfo};
 use fused::Counting;
 use ocu_ui::bar::{self, Bar, Choice, Fit};
 use ocu_ui::{icons, tokens, widgets};
@@ -283,6 +283,9 @@ fn write(
     cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
 }
 
+/// Size of the buttons A and B with the gap between them: they are in one line.
+const KEPT_SETS: Vec2 = Vec2::new(60.0, 20.0);
+
 /// Send, take back, A and B, save.
 fn actions(
     ui: &mut Ui,
@@ -322,20 +325,20 @@ fn actions(
         if drop.on_hover_text("Forget the changes that were not sent").clicked() {
             draft.discard();
         }
-        let can_undo = refused.is_none() && draft.can_undo() && draft.on_its_way().is_none();
-        let undo =
-            ui.add_enabled(can_undo, egui::Button::new(format!("{}  Undo", icons::ICON_UNDO.codepoint)));
-        let why = refused.unwrap_or(if draft.can_undo() { sent } else { "Nothing was sent from here." });
-        let undo = undo.on_disabled_hover_text(why);
+        let why = refused.or(draft.on_its_way().map(|_| sent)).or_else(|| draft.cannot_undo(in_force));
+        let undo = egui::Button::new(format!("{}  Undo", icons::ICON_UNDO.codepoint));
+        let undo = ui.add_enabled(why.is_none(), undo).on_disabled_hover_text(why.unwrap_or_default());
         if undo.on_hover_text("Send the parameters from before the last change").clicked()
             && let Some(before) = draft.undo(in_force)
         {
             write(cx, info, draft, in_force, before, now_s);
         }
         ui.separator();
-        for (slot, name) in ["A", "B"].into_iter().enumerate() {
-            kept_set(ui, cx, info, draft, in_force, (slot, name));
-        }
+        ui.allocate_ui_with_layout(KEPT_SETS, Layout::left_to_right(Align::Center), |ui| {
+            for (slot, name) in ["A", "B"].into_iter().enumerate() {
+                kept_set(ui, cx, info, draft, in_force, (slot, name));
+            }
+        });
         let any = (0..2).any(|slot| draft.kept(slot).is_some());
         if any && widgets::icon_button(ui, icons::ICON_CLOSE, "Forget A and B").clicked() {
             draft.forget_kept();

@@ -1,6 +1,7 @@
 //! The control of a number: a slider where its range is narrow, else a number that can be dragged. What is typed and is not
 //! accepted is refused: the number stays as it was, and the reason is kept beside it.
 
+use crate::edit::text::number_of;
 use egui::emath::{format_with_decimals_in_range, round_to_decimals};
 use egui::{DragValue, Id, Response, Slider, SliderClamping, Ui};
 use rcs_msg::params::{ParamKind, ParamSpec};
@@ -45,12 +46,6 @@ pub(super) fn forget_refused(ui: &Ui, id: Id) {
     ui.data_mut(|data| data.remove::<Refusal>(id));
 }
 
-/// The number that a text states, with a decimal point or a decimal comma.
-fn parsed(text: &str) -> Option<f64> {
-    let text: String = text.chars().filter(|c| !c.is_whitespace()).collect();
-    text.replace('\u{2212}', "-").replace(',', ".").parse().ok()
-}
-
 /// Whether a parameter accepts a number.
 fn accepts(spec: &ParamSpec, number: f64) -> bool {
     number.is_finite()
@@ -79,7 +74,7 @@ pub(super) fn number_control(ui: &mut Ui, spec: &ParamSpec, id: Id, new: &mut f6
     let (is_read, reason) = (Cell::new(false), Cell::new(None));
     let read = |text: &str| {
         let (shown, value) = begun.map_or((written.get(), before), |begun| (begun.shown, begun.value));
-        let typed = parsed(text);
+        let typed = number_of(text);
         let accepted = typed.filter(|typed| *typed != shown && accepts(spec, *typed));
         let is_refused = accepted.is_none() && typed != Some(shown);
         let refusal = || format!("got {:?}, expected {}", text.trim(), spec.expected());
@@ -161,7 +156,7 @@ mod tests {
     fn a_number_is_read_with_a_decimal_point_or_comma_and_accepted_within_its_range() {
         let speed = &specs(schema_of::<SpeedLimit>().descriptor().unwrap())[0];
         let whole = ParamSpec { kind: ParamKind::Integer, ..speed.clone() };
-        let accepted = |spec: &ParamSpec, text: &str| parsed(text).filter(|number| accepts(spec, *number));
+        let accepted = |spec: &ParamSpec, text: &str| number_of(text).filter(|number| accepts(spec, *number));
         for (text, number) in [
             ("1.5", Some(1.5)),
             (" 1,5 ", Some(1.5)),
