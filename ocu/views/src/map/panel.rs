@@ -271,6 +271,7 @@ impl Map {
             place.right_bottom() + Vec2::new(2.0, -24.0),
             place.right_bottom() + Vec2::new(26.0, 0.0),
         );
+        ui.painter().rect_filled(button, 3.0, tokens(ui).surface[3]);
         ui.scope_builder(UiBuilder::new().max_rect(button), |ui| {
             if widgets::icon_button(ui, icons::ICON_UNFOLD_LESS, "Fold the legend").clicked() {
                 self.saved.legend = Some(false);

@@ -1,7 +1,9 @@
-//! `INIT` while the vehicle drives: it brakes, and keeps its steering angle meanwhile.
+//! A vehicle with steering: `INIT` while it drives, where it keeps its angle and brakes, and turns on the spot, which it
+//! cannot make; beside one that steers by its wheels' speeds.
 
 use rcs_msg::{Stamp, rcs};
 use rcs_runtime::ProcessType;
+use rcs_sense::stop_reason;
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_vehicle_interface::VehicleInterface;
 
@@ -26,17 +28,22 @@ fn start(steering: &str) -> Bench {
     bench
 }
 
+/// Tells the vehicle a speed, m/s, and a turn rate, rad/s, for one cycle.
+fn tell(bench: &mut Bench, speed_mps: f64, yaw_rate_radps: f64) {
+    let command = rcs::DriveCommand {
+        timestamp: Some(Stamp(bench.now_ms * 1_000_000).to_proto()),
+        heading_rad: 0.0,
+        speed_mps,
+        yaw_rate_radps: Some(yaw_rate_radps),
+    };
+    bench.write("/operator/drive", command);
+    bench.cycles(PERIOD_MS, 1);
+}
+
 /// Drives for 1.2 s at 1 m/s, with this turn rate, rad/s.
 fn drive(bench: &mut Bench, yaw_rate_radps: f64) {
     for _ in 0..60 {
-        let command = rcs::DriveCommand {
-            timestamp: Some(Stamp(bench.now_ms * 1_000_000).to_proto()),
-            heading_rad: 0.0,
-            speed_mps: 1.0,
-            yaw_rate_radps: Some(yaw_rate_radps),
-        };
-        bench.write("/operator/drive", command);
-        bench.cycles(PERIOD_MS, 1);
+        tell(bench, 1.0, yaw_rate_radps);
     }
 }
 
@@ -84,4 +91,24 @@ fn a_vehicle_with_steering_keeps_its_steering_angle_while_it_brakes() {
         assert_eq!(wheels(&bench).curvature_per_m, before_per_m, "cycle {cycle}");
     }
     assert_eq!(wheels(&bench).left_mps, 0.0);
+}
+
+/// Why the vehicle is held when it is told a speed, m/s, and a turn rate, rad/s; empty where it is not.
+fn held(bench: &mut Bench, speed_mps: f64, yaw_rate_radps: f64) -> String {
+    tell(bench, speed_mps, yaw_rate_radps);
+    let vehicle: rcs::VehicleStatus = bench.latest("/vehicle_interface/vehicle");
+    vehicle.stop_reason
+}
+
+#[test]
+fn a_turn_on_the_spot_holds_a_vehicle_with_steering_and_says_why() {
+    let mut bench = start("STEERING_ACKERMANN");
+    assert_eq!(held(&mut bench, 0.0, 1.0), stop_reason::ON_THE_SPOT);
+    let status: rcs::Status = bench.latest("/vehicle_interface/status");
+    assert_eq!(status.state_text, "held: a vehicle with steering cannot turn on the spot");
+    for (speed_mps, yaw_rate_radps) in [(0.0, 0.0), (0.5, 0.1), (-0.5, 0.1)] {
+        let told = held(&mut bench, speed_mps, yaw_rate_radps);
+        assert_eq!(told, "", "{speed_mps} m/s, {yaw_rate_radps} rad/s");
+    }
+    assert_eq!(held(&mut start("STEERING_DIFFERENTIAL"), 0.0, 1.0), "");
 }
