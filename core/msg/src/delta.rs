@@ -65,8 +65,8 @@ pub trait DeltaDecoder: Send {
 /// What identifies the content of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest {
-    /// A cryptographic hash of the content.
-    pub hash: [u8; 32],
+    /// A hash of the content.
+    pub hash: u128,
     /// Size of the encoded message.
     pub bytes: usize,
 }

@@ -7,6 +7,7 @@ use rcs_bus::Buffer;
 use rcs_msg::rcs;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use twox_hash::XxHash3_128;
 
 /// Measured durations of one process's cycles.
 ///
@@ -71,13 +72,13 @@ pub(crate) fn summary_of(
 ) -> Summary {
     buffers.sort_by(|a, b| a.name.cmp(&b.name));
     let hash = buffers.iter().all(|buffer| buffer.hash.is_some()).then(|| {
-        let mut hasher = blake3::Hasher::new();
+        let mut content = Vec::new();
         for buffer in buffers.iter().filter(|buffer| buffer.name != names::TIMING) {
-            hasher.update(buffer.name.as_bytes());
-            hasher.update(&buffer.messages.to_le_bytes());
-            hasher.update(buffer.hash.as_deref().unwrap_or_default().as_bytes());
+            content.extend(buffer.name.as_bytes());
+            content.extend(buffer.messages.to_le_bytes());
+            content.extend(buffer.hash.as_deref().unwrap_or_default().as_bytes());
         }
-        hex(hasher.finalize().as_bytes())
+        hex(XxHash3_128::oneshot(&content))
     });
     Summary { time_s, processes, buffers, hash }
 }
@@ -124,13 +125,13 @@ impl BufferSummary {
             schema: buffer.spec().schema.name().to_owned(),
             messages: buffer.newest(),
             bytes: tally.map(|tally| tally.bytes),
-            hash: tally.map(|tally| hex(&tally.hash)),
+            hash: tally.map(|tally| hex(tally.hash)),
         }
     }
 }
 
-fn hex(hash: &[u8; 32]) -> String {
-    blake3::Hash::from_bytes(*hash).to_hex()[..16].to_owned()
+fn hex(hash: u128) -> String {
+    format!("{:016x}", hash >> 64)
 }
 
 /// Summary of a run so far.

@@ -5,10 +5,11 @@
 
 use crate::stack::{BufferPlan, Plan, names};
 use rcs_bus::{Buffer, Sample};
-use rcs_msg::{DeltaCodec, Digester};
+use rcs_msg::{DeltaCodec, Digest, Digester};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use twox_hash::XxHash3_128;
 
 /// Messages that may wait to be hashed in a stepped run; they stay in memory.
 const MOST_WAITING: usize = 256;
@@ -16,7 +17,7 @@ const MOST_WAITING: usize = 256;
 /// What was written to one buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Tally {
-    pub(crate) hash: [u8; 32],
+    pub(crate) hash: u128,
     pub(crate) bytes: u64,
 }
 
@@ -30,22 +31,20 @@ impl Counter {
     /// Counts one more message.
     fn take(&mut self, sample: &Sample) {
         let header = &sample.header;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&self.tally.hash);
-        hasher.update(&header.sequence.to_le_bytes());
-        hasher.update(&header.log_time.0.to_le_bytes());
-        hasher.update(&header.acq_time.0.to_le_bytes());
         let digest = self.digester.as_mut().and_then(|digester| digester.digest(&sample.message));
-        let size = if let Some(digest) = digest {
-            hasher.update(&digest.hash);
-            digest.bytes
-        } else {
+        let digest = digest.unwrap_or_else(|| {
             let bytes = sample.message.bytes();
-            hasher.update(&bytes);
-            bytes.len()
-        };
-        self.tally.hash = *hasher.finalize().as_bytes();
-        self.tally.bytes += size as u64;
+            Digest { hash: XxHash3_128::oneshot(&bytes), bytes: bytes.len() }
+        });
+        let chained = [
+            &self.tally.hash.to_le_bytes()[..],
+            &header.sequence.to_le_bytes(),
+            &header.log_time.0.to_le_bytes(),
+            &header.acq_time.0.to_le_bytes(),
+            &digest.hash.to_le_bytes(),
+        ];
+        self.tally.hash = XxHash3_128::oneshot(&chained.concat());
+        self.tally.bytes += digest.bytes as u64;
     }
 }
 

@@ -9,11 +9,10 @@ use rcs_geom::{CellIndex, ScrollGrid, TILE};
 use rcs_msg::foxglove::Grid;
 use rcs_msg::prost::{Message as _, length_delimiter_len};
 use rcs_msg::{AnyMessage, Digest, Digester};
+use twox_hash::XxHash3_128;
 
 use crate::layout::CellWriter;
 use crate::{Map, MapMessage, MapOptions};
-
-type Hash = [u8; 32];
 
 /// Hashes the maps of one buffer.
 #[derive(Default)]
@@ -21,7 +20,7 @@ pub(crate) struct MapDigester {
     /// The last map, whose tiles stay in memory as long as their addresses are compared.
     last: Option<MapMessage>,
     /// By tile.
-    hashes: Vec<Hash>,
+    hashes: Vec<u128>,
 }
 
 impl Digester for MapDigester {
@@ -46,13 +45,13 @@ impl MapDigester {
         let last = self.last.as_ref().filter(|last| is_alike(last, map, options));
         let written =
             last.map_or_else(|| (0..count).collect(), |last| message.tiles_written_since(last.map()));
-        self.hashes.resize(count, Hash::default());
+        self.hashes.resize(count, 0);
         let mut writer = CellWriter::new(map, options);
         let mut bytes = Vec::new();
         for tile in written {
             bytes.clear();
             map.put_tile(tile, &mut writer, &mut bytes);
-            self.hashes[tile] = *blake3::hash(&bytes).as_bytes();
+            self.hashes[tile] = XxHash3_128::oneshot(&bytes);
         }
         self.last = Some(message.clone());
     }
@@ -64,7 +63,7 @@ fn is_alike(last: &MapMessage, map: &Map, options: &MapOptions) -> bool {
 }
 
 /// The hashes of the tiles in which a map of this message would be stored; `None` if it is no map of ours.
-fn hashes_of_grid(grid: &Grid) -> Option<Vec<Hash>> {
+fn hashes_of_grid(grid: &Grid) -> Option<Vec<u128>> {
     let (side, stride) = (grid.column_count as usize, grid.cell_stride as usize);
     let size = grid.cell_size.filter(|size| size.x == size.y)?.x;
     let corner = grid.pose.as_ref()?.position.as_ref()?;
@@ -88,21 +87,20 @@ fn hashes_of_grid(grid: &Grid) -> Option<Vec<Hash>> {
             let place = (row * side + column) * stride;
             bytes.extend_from_slice(&grid.data[place..place + stride]);
         }
-        *blake3::hash(&bytes).as_bytes()
+        XxHash3_128::oneshot(&bytes)
     };
     Some((0..cells.tile_count()).map(hash).collect())
 }
 
 /// The digest of a message, from what it holds besides its cells, their size, and the hashes of its tiles.
-fn digest(header: &Grid, cell_bytes: usize, tiles: &[Hash]) -> Digest {
-    let mut hasher = blake3::Hasher::new();
-    let header = header.encode_to_vec();
-    hasher.update(&(header.len() as u64).to_le_bytes());
-    hasher.update(&header);
-    hasher.update(tiles.as_flattened());
+fn digest(header: &Grid, cell_bytes: usize, tiles: &[u128]) -> Digest {
+    let mut content = header.encode_to_vec();
+    let header_bytes = content.len();
+    content.extend(tiles.iter().flat_map(|hash| hash.to_le_bytes()));
+    content.extend((header_bytes as u64).to_le_bytes());
     // The cells are one field of the message: its number, their size, and the bytes.
-    let bytes = header.len() + 1 + length_delimiter_len(cell_bytes) + cell_bytes;
-    Digest { hash: *hasher.finalize().as_bytes(), bytes }
+    let bytes = header_bytes + 1 + length_delimiter_len(cell_bytes) + cell_bytes;
+    Digest { hash: XxHash3_128::oneshot(&content), bytes }
 }
 
 #[cfg(test)]
