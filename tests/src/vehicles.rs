@@ -72,3 +72,26 @@ fn localization_has_the_place_of_the_antenna() {
         }
     }
 }
+
+#[test]
+fn what_touches_the_ground_and_things_has_the_lengths_of_the_body() {
+    let body = "front_m = 0.24\nrear_m = 0.72\nwidth_m = 0.66\nheight_m = 1.0\n";
+    for lengths_m in [[0.24, 0.72, 0.66, 1.0], [3.1, 0.9, 2.0, 2.6], [0.2, 0.25, 0.35, 0.4]] {
+        let [front_m, rear_m, width_m, height_m] = lengths_m;
+        let own = format!(
+            "front_m = {front_m:?}\nrear_m = {rear_m:?}\nwidth_m = {width_m:?}\nheight_m = {height_m:?}\n"
+        );
+        let vehicle = changed(&[(body, own)]);
+        for stack in ["lagr", "replay"] {
+            let plan = planned(stack, &vehicle);
+            let of = |process: &str, names: [&str; 3]| names.map(|name| param(&plan, process, name));
+            let extent_m = [front_m, rear_m, width_m];
+            assert_eq!(of("proximity", ["bumper_x_m", "rear_m", "vehicle_width_m"]), extent_m, "{stack}");
+            assert_eq!(of("terrain", ["front_m", "rear_m", "width_m"]), extent_m, "{stack}");
+            assert_eq!(param(&plan, "terrain", "height_m"), height_m, "{stack}");
+            assert_eq!(param(&plan, "waypoint_follower", "front_m"), front_m, "{stack}");
+            assert_eq!(param(&plan, "waypoint_follower", "rear_m"), rear_m, "{stack}");
+            assert_eq!(param(&plan, "waypoint_generator", "front_m"), front_m, "{stack}");
+        }
+    }
+}

@@ -24,6 +24,8 @@ pub struct GateSettings {
     pub correlation_s: f64,
     /// Number of consecutive refused fixes that agree with each other after which the estimate restarts.
     pub reset_after: u32,
+    /// Fastest motion of the vehicle between two fixes that agree, m/s; see [`fastest_mps`].
+    pub fastest_mps: f64,
 }
 
 /// A position fix in the global frame.
@@ -88,8 +90,15 @@ const FOLLOWS_S: f64 = 1.0;
 /// Share of that way by which fixes pull the estimate back where the wheels still slip.
 const STILL_SLIPS: f64 = 0.2;
 
-/// Fastest motion of the vehicle between two fixes that agree, m/s.
-const FASTEST_MPS: f64 = 5.0;
+/// Fastest motion between two fixes that agree, m/s, of a vehicle that is taken to be slow, and by how much another one
+/// may have been faster since the fix before than it is now, m/s.
+const FASTEST_SLOW_MPS: f64 = 5.0;
+const FASTER_BEFORE_MPS: f64 = 3.0;
+
+/// Fastest motion between two fixes that agree, m/s, of a vehicle at this speed, m/s.
+pub fn fastest_mps(speed_mps: f64) -> f64 {
+    FASTEST_SLOW_MPS.max(speed_mps.abs() + FASTER_BEFORE_MPS)
+}
 
 impl GlobalEstimate {
     /// An estimate with known heading (rad, variance in rad²) and unknown position.
@@ -187,7 +196,7 @@ impl GlobalEstimate {
         let fix = Fix { at: position.at, arm, variance: position.variance, alike };
         let agrees = before.is_some_and(|before| {
             let spread = 3.0 * (before.variance + position.variance).sqrt();
-            before.at.distance(position.at) < spread + FASTEST_MPS * gap_s
+            before.at.distance(position.at) < spread + settings.fastest_mps * gap_s
         });
         self.chain = if agrees { self.chain + 1 } else { 1 };
         let Some(planar) = &mut self.planar else {
@@ -247,7 +256,8 @@ impl GlobalEstimate {
 mod tests {
     use super::*;
 
-    const SETTINGS: GateSettings = GateSettings { gate: 11.8, correlation_s: 10.0, reset_after: 5 };
+    const SETTINGS: GateSettings =
+        GateSettings { gate: 11.8, correlation_s: 10.0, reset_after: 5, fastest_mps: FASTEST_SLOW_MPS };
 
     fn position(ms: u64, x: f64) -> Position {
         Position {
@@ -271,6 +281,22 @@ mod tests {
         assert!(estimate.planar().is_none());
         assert_eq!(take(&mut estimate, 500, 0.1), Verdict::Began);
         assert!(estimate.planar().unwrap().at.x < 0.2);
+    }
+
+    #[test]
+    fn fixes_agree_that_lie_as_far_apart_as_the_vehicle_can_have_driven() {
+        // Fixes of 2 cm, 8 m apart, each second.
+        let begins = |speed_mps: f64| {
+            let settings = GateSettings { fastest_mps: fastest_mps(speed_mps), ..SETTINGS };
+            let mut estimate = GlobalEstimate::new(0.0, 0.01);
+            (0..10_u64).any(|second| {
+                let fix = Position { variance: 0.0004, ..position(1000 * second, 8.0 * second as f64) };
+                estimate.take(&settings, fix, DVec2::ZERO, 0.0) == Verdict::Began
+            })
+        };
+        assert_eq!([8.0, -8.0, 6.0, 4.0, 0.0].map(begins), [true, true, true, false, false]);
+        // A slow one may have been moved otherwise.
+        assert_eq!([0.0, 1.5, 2.0].map(fastest_mps), [5.0; 3]);
     }
 
     #[test]

@@ -225,6 +225,23 @@ fn a_fix_without_a_position_is_a_fault_and_does_not_place_the_origin() {
 }
 
 #[test]
+fn a_run_that_begins_at_speed_gets_its_position_from_one_fix_a_second() {
+    let mut bench = start();
+    bench.cycles(20, 1);
+    for cycle in 0..200 {
+        // North at 12 m/s.
+        let way_m = 12.0 * 0.02 * f64::from(cycle);
+        if cycle % 50 == 5 {
+            bench.write("/operator/gps", fix(way_m, 0.0004));
+        }
+        bench.write("/operator/encoders", rolled(way_m));
+        bench.write("/operator/imu", heading(FRAC_PI_2));
+        bench.cycles(20, 1);
+    }
+    assert!(bench.newest::<Odometry>("/localization/global").is_some());
+}
+
+#[test]
 fn fixes_without_altitude_place_the_vehicle_and_leave_its_height_alone() {
     let fly = |altitudes_m: [f64; 2]| {
         let mut bench = start();

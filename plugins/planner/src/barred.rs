@@ -33,9 +33,11 @@ impl From<Barred> for BarredPlace {
     }
 }
 
-/// Distance from the origin of the vehicle to the border of a place that is barred ahead of it, m: so the vehicle stands
-/// beside the place and not in it.
+/// Least distance from the origin of the vehicle to the border of a place that is barred ahead of it, m: so the vehicle
+/// stands beside the place and not in it.
 const BEFORE_M: f64 = 0.5;
+/// Least distance from the front end of the vehicle to that border, m.
+const BEFORE_FRONT_M: f64 = 0.26;
 /// Greatest distance between two estimates of one place, m: twice the noise of position fixes.
 const SAME_PLACE_M: f64 = 2.5;
 /// Greatest length of a track that the wheels measured on the spot, m.
@@ -44,10 +46,11 @@ const LONGEST_M: f64 = 40.0;
 const LONGEST_STEP_M: f64 = 5.0;
 
 impl Barred {
-    /// The place ahead of a vehicle on which its wheels slip.
-    pub fn ahead(vehicle: &Pose, radius_m: f64) -> Barred {
+    /// The place ahead of a vehicle on which its wheels slip. `front_m`: how far ahead of its origin its front end is.
+    pub fn ahead(vehicle: &Pose, front_m: f64, radius_m: f64) -> Barred {
+        let before_m = BEFORE_M.max(front_m + BEFORE_FRONT_M);
         let ahead = vehicle.rotate(rcs_geom::DVec3::X).truncate().normalize_or_zero();
-        let at = vehicle.translation.truncate() + ahead * (BEFORE_M + radius_m);
+        let at = vehicle.translation.truncate() + ahead * (before_m + radius_m);
         Barred { at: (at.x, at.y), radius_m, slipped: true, stood: None }
     }
 }
@@ -134,9 +137,12 @@ mod tests {
 
     #[test]
     fn a_place_is_barred_ahead_of_the_vehicle_which_stands_beside_it() {
-        let barred = Barred::ahead(&Pose::from_xy_yaw(1.0, 2.0, std::f64::consts::FRAC_PI_2), 3.0);
-        let at = DVec2::from(barred.at);
-        assert!(at.distance(DVec2::new(1.0, 5.5)) < 1e-9 && barred.radius_m == 3.0, "{at}");
+        let vehicle = Pose::from_xy_yaw(1.0, 2.0, std::f64::consts::FRAC_PI_2);
+        for (front_m, y_m) in [(0.0, 5.5), (0.24, 5.5), (3.1, 8.36)] {
+            let barred = Barred::ahead(&vehicle, front_m, 3.0);
+            let at = DVec2::from(barred.at);
+            assert!(at.distance(DVec2::new(1.0, y_m)) < 1e-9 && barred.radius_m == 3.0, "{front_m}: {at}");
+        }
     }
 
     #[test]

@@ -375,7 +375,7 @@ impl WaypointFollower {
         }
         let at = match mode.bars {
             Bars::Target => self.turning_point(params, vehicle.translation.truncate())?,
-            Bars::Ahead => DVec2::from(Barred::ahead(vehicle, mode.bars_m).at),
+            Bars::Ahead => DVec2::from(Barred::ahead(vehicle, params.front_m, mode.bars_m).at),
         };
         let goal_m = self.goal.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
         (goal_m > mode.bars_m + 1.0).then_some(BarredPlace {
@@ -406,6 +406,7 @@ impl WaypointFollower {
         let style = Style::new(params, mode);
         let style = cx.latest(&ports.vehicle).map_or(style, |vehicle| style.within(&vehicle));
         let obstacles = mode.map_or(Obstacles::Map, |mode| mode.obstacles);
+        self.memory.costs.prepare(obstacles);
         let Some(costs) = self.memory.costs.of(obstacles) else { return };
         let before_per_m = self.before_per_m;
         // The actions REVERSE and SHAKE need no target; arcs are scored all the same, for a target ahead.

@@ -17,7 +17,7 @@ use self::path_memory::remembered_of;
 use crate::barred::Barred;
 use crate::children::Children;
 use crate::goal::Goal;
-use crate::goal_search::GoalSearch;
+use crate::goal_search::{GoalSearch, slowness};
 use crate::grip::Gripped;
 use crate::held::Held;
 use crate::mission::Mission;
@@ -333,9 +333,11 @@ impl Process for WaypointGenerator {
         let goal = self.found_before(params, stated, local_from_route.as_ref()).unwrap_or(stated);
         let local_from_route = local_from_route.or_else(|| self.placed_by_start(params));
         // Under a speed limit it may, however slowly; one of 0 holds the vehicle.
-        let held = Held::of(cx.latest(&ports.vehicle).as_deref(), 0.0);
+        let vehicle = cx.latest(&ports.vehicle);
+        let held = Held::of(vehicle.as_deref(), 0.0);
         let may_drive = !self.is_standing && held == Held::Not && ports.children.may_drive(cx);
-        let goal = self.look_for_goal(params, goal, arrived, may_drive, cx.now());
+        let slowness = slowness(vehicle.as_deref());
+        let goal = self.look_for_goal(params, goal, arrived, may_drive, slowness, cx.now());
         let Some((global_from_local, at)) = self.global_from_local else {
             return cx.exec("warning: the position in the global frame is not known yet, the vehicle stands");
         };

@@ -8,6 +8,7 @@
 use crate::zones::Zones;
 use rcs_geom::{DVec2, wrap_angle};
 use rcs_msg::Stamp;
+use rcs_msg::rcs::VehicleStatus;
 use serde::{Deserialize, Serialize};
 
 /// Error of the estimate: standard deviations along each axis, m, and the share of each. Along an axis it is 0.93 m
@@ -16,11 +17,11 @@ const ERRORS: [(f64, f64); 2] = [(0.95, 0.8), (2.0, 0.2)];
 /// The probability is kept for cells of this size, m, this many to each side of the estimate.
 const CELL_M: f64 = 0.3;
 const CELLS: i32 = 16;
-/// Speed, m/s, and turn rate, rad/s, by which the time to a place is estimated, and a fixed part of it, s.
+/// Usual speed, m/s, and turn rate, rad/s, by which the time to a place is estimated, and a fixed part of it, s.
 const SPEED_MPS: f64 = 1.0;
 const TURN_RADPS: f64 = 1.0;
 const FIXED_S: f64 = 1.0;
-/// Longest time for driving to a place, s: it may lie inside of an obstacle.
+/// Longest time for driving to a place at the usual pace, s: it may lie inside of an obstacle.
 const LONGEST_S: f64 = 8.0;
 /// A place is left for the next one when less than this share is left of what it was chosen for.
 const USED_UP: f64 = 0.4;
@@ -28,6 +29,16 @@ const USED_UP: f64 = 0.4;
 const LEAST: f64 = 0.002;
 /// Number of the newest points of the track that count: the estimate drifts against older ones.
 const NEWEST: usize = 100;
+
+/// How many times as long as usual a vehicle with this status takes, by its limits of speed and turn rate: at least 1.
+pub fn slowness(vehicle: Option<&VehicleStatus>) -> f64 {
+    // A limit is 0 where the vehicle states none.
+    let times = |usual: f64, stated: f64| if stated > 0.0 { usual / stated } else { 1.0 };
+    vehicle.map_or(1.0, |vehicle| {
+        let driving = times(SPEED_MPS, vehicle.max_speed_mps);
+        driving.max(times(TURN_RADPS, vehicle.max_yaw_rate_radps)).max(1.0)
+    })
+}
 
 /// What the search goes by, global frame, m.
 #[derive(Clone, Copy, Debug)]
@@ -42,6 +53,8 @@ pub struct Scene<'a> {
     pub within_m: f64,
     /// Where the vehicle must not drive.
     pub zones: &'a Zones,
+    /// How many times as long as usual it takes; see [`slowness`].
+    pub slowness: f64,
 }
 
 /// The state of a search.
@@ -50,6 +63,8 @@ pub struct GoalSearch {
     /// Where it drives to, global frame, m, since when, and the probability of finding the goal there; `None` once it is
     /// over.
     target: Option<((f64, f64), Stamp, f64)>,
+    /// The greatest slowness since then.
+    slowness: f64,
     /// Where it did not get to in time, m.
     given_up: Vec<(f64, f64)>,
     /// Number of places that it has driven to.
@@ -68,7 +83,8 @@ impl GoalSearch {
     /// or has passed most of what it was chosen for. Whether it does.
     pub fn go_on(&mut self, scene: &Scene<'_>, arrived: bool, now: Stamp) -> bool {
         let Some((target, since, worth)) = self.target else { return false };
-        let is_late = now.seconds_since(since) > LONGEST_S;
+        self.slowness = self.slowness.max(scene.slowness);
+        let is_late = now.seconds_since(since) > LONGEST_S * self.slowness;
         if is_late {
             self.given_up.push(target);
         }
@@ -116,6 +132,7 @@ impl GoalSearch {
         let gains = allowed.map(|to| (to, gain(to))).filter(|&(_, gain)| gain > LEAST);
         let rated = gains.map(|(to, gain)| (to, gain / time_s(to)));
         let best = rated.reduce(|best, other| if other.1 > best.1 { other } else { best });
+        self.slowness = scene.slowness;
         self.target = best.map(|(to, _)| {
             self.places += 1;
             ((to.x, to.y), now, near(left, to, to, scene.within_m))
@@ -172,7 +189,7 @@ mod tests {
     static EVERYWHERE: Zones = Zones { area: None, is_area_of_world: false, keep_out: Vec::new() };
 
     fn scene(vehicle: (DVec2, f64), track: &[(f64, f64)]) -> Scene<'_> {
-        Scene { goal: DVec2::ZERO, vehicle, track, within_m: WITHIN_M, zones: &EVERYWHERE }
+        Scene { goal: DVec2::ZERO, vehicle, track, within_m: WITHIN_M, zones: &EVERYWHERE, slowness: 1.0 }
     }
 
     /// Drives from 8 m west to the estimate at the origin, and on until it is within reach of the goal, without obstacles:
@@ -264,6 +281,32 @@ mod tests {
         }
         assert!(!search.go_on(&scene, false, at(67)) && search.target() == first);
         assert!(search.go_on(&scene, false, at(68)) && search.target() != first);
+    }
+
+    #[test]
+    fn a_vehicle_that_may_only_drive_slowly_has_as_much_more_time_for_each_place() {
+        let track = [(0.0, 0.0)];
+        let usual = scene((DVec2::ZERO, 0.0), &track);
+        let stated = |max_speed_mps: f64, max_yaw_rate_radps: f64| {
+            let vehicle = VehicleStatus { max_speed_mps, max_yaw_rate_radps, ..VehicleStatus::default() };
+            Scene { slowness: slowness(Some(&vehicle)), ..usual }
+        };
+        for faster in [stated(1.3, 1.2), stated(0.0, 0.0)] {
+            assert_eq!(faster.slowness, 1.0);
+        }
+        let at = |second: u64| Stamp(second * 1_000_000_000);
+        for (slow, longest_s) in [(stated(0.2, 1.2), 40), (stated(1.3, 0.25), 32)] {
+            let mut search = GoalSearch::begin(&slow, Stamp(0));
+            let first = search.target();
+            for second in 1..=longest_s {
+                // Also where the limit is lifted on the way.
+                let now = if second > 20 { &usual } else { &slow };
+                assert!(!search.go_on(now, false, at(second)), "after {second} s");
+            }
+            assert!(search.go_on(&usual, false, at(longest_s + 1)) && search.target() != first);
+            assert!(!search.go_on(&usual, false, at(longest_s + 9)));
+            assert!(search.go_on(&usual, false, at(longest_s + 10)), "it has the usual time for the next");
+        }
     }
 
     #[test]

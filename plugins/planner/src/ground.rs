@@ -5,7 +5,7 @@
 pub(crate) struct Ground {
     /// By cells: the cost and [`ONE`]; 0 for a cell that is blocked.
     cells: Vec<u32>,
-    /// By columns: their sum over the rows of a square.
+    /// By columns: their sum over the rows of a square; 0 for the columns beside the map that squares reach.
     sums: Vec<u32>,
     means: Vec<Option<f32>>,
 }
@@ -25,26 +25,27 @@ impl Ground {
         self.cells.extend(costs.map(|cost| cost.map_or(0, |cost| ONE + u32::from(cost))));
         self.means.clear();
         self.sums.clear();
-        self.sums.resize(columns, 0);
+        self.sums.resize(columns + 2 * reach + 1, 0);
         let rows: Vec<&[u32]> = self.cells.chunks_exact(columns).collect();
         let add =
             |sums: &mut [u32], row: &[u32]| sums.iter_mut().zip(row).for_each(|(sum, cell)| *sum += cell);
         let subtract =
             |sums: &mut [u32], row: &[u32]| sums.iter_mut().zip(row).for_each(|(sum, cell)| *sum -= cell);
-        rows.iter().take(reach).for_each(|row| add(&mut self.sums, row));
+        let first = reach + 1;
+        rows.iter().take(reach).for_each(|row| add(&mut self.sums[first..], row));
         for (at, cells) in rows.iter().enumerate() {
             if let Some(next) = rows.get(at + reach) {
-                add(&mut self.sums, next);
+                add(&mut self.sums[first..], next);
             }
             if let Some(last) = at.checked_sub(reach + 1) {
-                subtract(&mut self.sums, rows[last]);
+                subtract(&mut self.sums[first..], rows[last]);
             }
-            let mut sum: u32 = self.sums.iter().take(reach).sum();
-            for (column, cell) in cells.iter().enumerate() {
-                sum += self.sums.get(column + reach).unwrap_or(&0);
-                sum -= column.checked_sub(reach + 1).map_or(0, |left| self.sums[left]);
-                self.means.push((*cell > 0).then(|| (sum % ONE) as f32 / (sum / ONE) as f32));
-            }
+            let mut sum: u32 = self.sums[..=2 * reach].iter().sum();
+            let (leaves, enters) = (&self.sums, &self.sums[2 * reach + 1..]);
+            self.means.extend(cells.iter().zip(leaves).zip(enters).map(|((cell, left), right)| {
+                sum = sum + right - left;
+                (*cell > 0).then(|| (sum % ONE) as f32 / (sum / ONE) as f32)
+            }));
         }
     }
 

@@ -263,14 +263,16 @@ pub(crate) fn message(scored: &Scored) -> ScoredArc {
 
 /// The rules of the choice of an arc: the parameters, changed by the mode.
 pub(crate) fn arc_rules(params: &WaypointFollowerParams, mode: Option<&Mode>) -> arcs::Rules {
+    // It is kept free around the places of tail and nose that are looked up.
+    let half_width_m = rules_of(params.costs.as_ref()).half_width_m;
     arcs::Rules {
         length_m: params.arc_length_m,
         max_curvature_per_m: params.max_curvature_per_m,
         per_side: mode.and_then(|mode| mode.arcs_per_side).unwrap_or(params.arcs_per_side),
         least_free_m: mode.and_then(|mode| mode.least_free_m).unwrap_or(params.least_free_m),
         escape_m: params.escape_m,
-        tail_m: params.tail_m,
-        nose_m: params.nose_m,
+        tail_m: (params.rear_m - params.tail_margin_m.min(half_width_m)).max(0.0),
+        nose_m: (params.front_m - half_width_m).max(0.0),
         turns_on_the_spot: params.turns_on_the_spot,
         weights: Weights {
             goal: params.weight_goal,
@@ -313,6 +315,25 @@ mod tests {
         let arc = Arc { motion, curvature_per_m };
         let chosen = Scored { arc, free_m, mean_cost, terms: [0.0; 6], open: true };
         speeds(&chosen, &Style::new(&params, None))
+    }
+
+    #[test]
+    fn tail_and_nose_are_looked_up_within_half_the_width_of_the_vehicle_of_its_ends() {
+        let ends_m = |rear_m: f64, front_m: f64, vehicle_width_m: f64| {
+            let defaults: WaypointFollowerParams = rcs_msg::params::default();
+            let costs = Some(TerrainCosts { vehicle_width_m, ..TerrainCosts::default() });
+            let rules = arc_rules(&WaypointFollowerParams { rear_m, front_m, costs, ..defaults }, None);
+            [rules.tail_m, rules.nose_m]
+        };
+        assert_eq!(ends_m(0.72, 0.24, 0.66), [0.5, 0.0], "exactly: the bundled vehicle");
+        assert_eq!(ends_m(0.1, 0.1, 0.66), [0.0; 2]);
+        for ([rear_m, front_m, width_m], [tail_m, nose_m]) in
+            [([0.9, 3.1, 2.0], [0.68, 2.1]), ([0.25, 0.25, 0.35], [0.075; 2])]
+        {
+            let found_m = ends_m(rear_m, front_m, width_m);
+            let is_near = (found_m[0] - tail_m).abs() < 1e-9 && (found_m[1] - nose_m).abs() < 1e-9;
+            assert!(is_near, "{found_m:?}, expected {tail_m} and {nose_m}");
+        }
     }
 
     #[test]

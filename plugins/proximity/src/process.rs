@@ -363,12 +363,13 @@ fn take_way_slip(report: &Msg<WaySlip>, ports: &Ports, params: &ProximityParams,
 }
 
 fn body(params: &ProximityParams) -> Body {
+    let known_m = params.vehicle_width_m - params.side_margin_m - params.side_margin_m;
     Body {
         bumper_x_m: params.bumper_x_m,
         bumper_width_m: params.bumper_width_m,
         bumper_depth_m: params.bumper_depth_m,
-        rear_x_m: params.rear_x_m,
-        width_m: params.vehicle_width_m.min(params.bumper_width_m),
+        rear_x_m: -params.rear_m,
+        width_m: known_m.max(0.0).min(params.bumper_width_m),
     }
 }
 

@@ -146,6 +146,25 @@ fn no_wider_ground_is_called_free_than_the_bumper_has_touched() {
 }
 
 #[test]
+fn the_ground_that_is_called_free_ends_with_the_vehicle() {
+    let free_behind = |rear_m: f64, vehicle_width_m: f64| {
+        let mut bench = Bench::placed();
+        let params: ProximityParams = bench.latest("/proximity/params");
+        bench.write("/proximity/params", ProximityParams { rear_m, vehicle_width_m, ..params });
+        bench.write("/operator/bumper", rcs::Bumper::default());
+        bench.cycle();
+        let grid: Grid = bench.latest("/proximity/bumper_cost");
+        let places = [(2.9, 4.1), (2.5, 4.1), (2.3, 4.1), (2.9, 4.3)];
+        places.map(|(x_m, y_m)| cost_at(&grid, "cost.bumper", x_m, y_m))
+    };
+    assert_eq!(free_behind(0.25, 0.35), [0.0, 255.0, 255.0, 255.0]);
+    // At each side a margin of 0.03 m is not called free: the cells there have their middle 0.3 m beside the vehicle's.
+    assert_eq!(free_behind(0.72, 0.62), [0.0, 0.0, 0.0, 255.0]);
+    assert_eq!(free_behind(0.72, 0.7), [0.0; 4]);
+    assert_eq!(free_behind(0.72, 0.05), [255.0; 4], "narrower than the margins");
+}
+
+#[test]
 fn what_is_under_a_vehicle_whose_wheels_have_slipped_over_the_last_metre_is_not_called_free() {
     let mut bench = Bench::placed();
     let mut under = |slip: f64| {

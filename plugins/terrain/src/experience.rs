@@ -74,7 +74,7 @@ impl Teachers {
     ) -> [bool; 2] {
         let extrinsics = extrinsics(params);
         let before: Vec<_> = maps.iter().map(TerrainMap::experienced).collect();
-        let half = params.width_m / 2.0;
+        let half = half_width_m(params);
         while let Some(bumper) = cx.read(&ports.bumper) {
             let pressed = [bumper.left, bumper.right];
             let hit: [bool; 2] = std::array::from_fn(|side| pressed[side] && !self.pressed[side]);
@@ -168,9 +168,15 @@ impl Teachers {
     }
 }
 
+/// Half the width of the ground of which the vehicle teaches something, m.
+fn half_width_m(params: &TerrainLearnerParams) -> f64 {
+    (params.width_m - params.side_margin_m - params.side_margin_m).max(0.0) / 2.0
+}
+
 /// The vehicle with this pose in the local frame.
 fn vehicle(local_from_vehicle: Pose, params: &TerrainLearnerParams) -> Vehicle {
-    Vehicle { local_from_vehicle, wheels_below_m: params.wheels_below_m, height_m: params.height_m }
+    let height_m = params.height_m * params.driven_height_share;
+    Vehicle { local_from_vehicle, wheels_below_m: params.wheels_below_m, height_m }
 }
 
 /// Teaches the maps what an operator has drawn.
@@ -199,4 +205,24 @@ fn mark(
     };
     let marked: u64 = maps.iter_mut().map(|map| map.mark(&outline, what, params.marked_gain, rules)).sum();
     if marked == 0 { Err("it lies outside of the map".to_owned()) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a vehicle of this width and height, m, teaches of: half the width of the ground, and the height, m.
+    fn taught(width_m: f64, height_m: f64) -> [f64; 2] {
+        let defaults: TerrainLearnerParams = rcs_msg::params::default();
+        let params = TerrainLearnerParams { width_m, height_m, ..defaults };
+        [half_width_m(&params), vehicle(Pose::IDENTITY, &params).height_m]
+    }
+
+    #[test]
+    fn the_vehicle_teaches_of_its_own_width_and_height_within_margins() {
+        assert_eq!(taught(0.66, 1.0), [0.3, 0.8], "exactly: the bundled vehicle");
+        let [half_width_m, height_m] = taught(2.0, 2.6);
+        assert!((half_width_m - 0.97).abs() < 1e-9 && (height_m - 2.08).abs() < 1e-9);
+        assert_eq!(taught(0.05, 0.5), [0.0, 0.4]);
+    }
 }

@@ -280,6 +280,26 @@ fn ground_on_which_the_wheels_have_spun_is_dear_wherever_it_looks_like_it_and_no
     assert!((90..=100).contains(&mud.cost), "{mud:?}");
 }
 
+#[test]
+fn a_gain_below_one_cell_teaches_one_and_slip_teaches_at_least_one_of_each_kind() {
+    let (here, under) = (vehicle(Pose::from_xy_yaw(0.1, 0.1, 0.0)), Patch { x: [-0.2, 0.2], y: [-0.2, 0.2] });
+    let taught = |teach: &dyn Fn(&mut TerrainMap)| {
+        let mut map = empty();
+        teach(&mut map);
+        let terrain = &map.get(CellIndex::new(0, 0)).unwrap().terrain;
+        [terrain.driven, terrain.bumped]
+    };
+    for (gain, expected) in
+        [(0.0, [0, 0]), (0.1, [1, 1]), (1.0, [1, 1]), (2.0, [1, 1]), (3.0, [2, 1]), (60.0, [36, 24])]
+    {
+        assert_eq!(taught(&|map| map.spin(&here, &under, gain, &RULES)), expected, "{gain}");
+    }
+    for (gain, expected) in [(0.0, 0), (0.1, 1), (1.4, 1), (5.0, 5), (30.0, 30)] {
+        assert_eq!(taught(&|map| map.drive(&here, &under, gain, &RULES)), [expected, 0], "{gain}");
+        assert_eq!(taught(&|map| map.bump(&here, &under, gain, &RULES)), [0, expected], "{gain}");
+    }
+}
+
 /// Centres the map on a cell of the x axis, and adds points to cells of that axis, whose textures have one bin each.
 fn look_from(map: &mut TerrainMap, vehicle: i64, cells: &[(i64, u16, u64)]) {
     let middle = map.cells.middle_of(CellIndex::new(vehicle, 0));

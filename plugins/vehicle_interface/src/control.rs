@@ -4,8 +4,9 @@
 //! stops at zero on the way from forward to backward. The turn rate is proportional to the heading error, with a dead
 //! band and limits, and is ramped, too; a turn begins when the vehicle no longer rolls the other way. A differential
 //! drive with track `b` turns at rate `w` with wheel speeds `v ∓ w·b/2`; where a wheel would exceed its limit, the
-//! vehicle drives more slowly and keeps its turn rate. An Ackermann vehicle gets the curvature `w/v`, of the limited and
-//! ramped turn rate, too.
+//! vehicle drives more slowly and keeps its turn rate. An Ackermann vehicle that is told speed and turn rate gets the
+//! curvature of that arc, `w/v` of the two, whatever its own speed is. Towards a heading it gets the curvature of the
+//! turn rate at its own speed. Both are ramped within the limits of the turn rate.
 //!
 //! Wheels that slip on one side turn the vehicle less than their speeds say, or the other way: with one side in mud, it is
 //! drawn into it. What the turn lacks ([`Slip`]) is added to the turn rate of a differential drive.
@@ -123,7 +124,8 @@ pub struct Ramps {
     curvature_per_m: f64,
 }
 
-/// Lowest speed for which a curvature is derived from a turn rate, m/s: slower vehicles do not steer more sharply.
+/// Lowest own speed for which a curvature is derived from a turn rate, m/s: vehicles that are slower do not steer more
+/// sharply towards a heading, and do not steer more slowly.
 const CURVATURE_SPEED_MPS: f64 = 0.3;
 
 impl Ramps {
@@ -148,18 +150,24 @@ impl Ramps {
         let limit = drive.max_yaw_rate_radps;
         let change = drive.max_yaw_acceleration_radps2 * dt_s;
         let yaw_rate_radps = if self.rolls_against(wanted) { 0.0 } else { yaw_rate_radps };
-        let turn = yaw_rate_radps.clamp(-limit, limit) - self.yaw_rate_radps;
+        let wanted_radps = yaw_rate_radps.clamp(-limit, limit);
+        let turn = wanted_radps - self.yaw_rate_radps;
         self.yaw_rate_radps += turn.clamp(-change, change);
-        match drive.track_m {
-            Some(track_m) => {
-                let most = drive.max_turn_correction_radps;
-                // A vehicle that is told to stand does so, also where its wheels have turned in vain.
-                let stands = aim == Aim::Stop || (self.speed_mps, self.yaw_rate_radps) == (0.0, 0.0);
-                let lacking_radps = if stands { 0.0 } else { slip.lacking_radps.clamp(-most, most) };
-                self.differential(lacking_radps, track_m, drive.max_wheel_speed_mps)
-            }
-            None => self.steered(aim, drive),
+        if let Some(track_m) = drive.track_m {
+            let most = drive.max_turn_correction_radps;
+            // A vehicle that is told to stand does so, also where its wheels have turned in vain.
+            let stands = aim == Aim::Stop || (self.speed_mps, self.yaw_rate_radps) == (0.0, 0.0);
+            let lacking_radps = if stands { 0.0 } else { slip.lacking_radps.clamp(-most, most) };
+            return self.differential(lacking_radps, track_m, drive.max_wheel_speed_mps);
         }
+        // A braking vehicle keeps its steering angle: steering while it rolls out would swing it aside.
+        match aim {
+            Aim::Stop => {}
+            Aim::Rate { .. } if wanted != 0.0 => self.steer_arc(wanted_radps / wanted, drive, change),
+            _ => self.steer_turn(drive),
+        }
+        let (speed_mps, curvature_per_m) = (self.speed_mps, self.curvature_per_m);
+        Wheels { left_mps: speed_mps, right_mps: speed_mps, curvature_per_m }
     }
 
     /// Whether the vehicle still rolls against a wanted speed, m/s, so that it would turn along another arc than it is told
@@ -178,15 +186,28 @@ impl Ramps {
         Wheels { left_mps: wheel(speed - half), right_mps: wheel(speed + half), curvature_per_m: 0.0 }
     }
 
-    fn steered(&mut self, aim: Aim, drive: &Drive) -> Wheels {
-        // A braking vehicle keeps its steering angle: steering while it rolls out would swing it aside.
-        if aim != Aim::Stop {
-            let along = if self.speed_mps < 0.0 { -1.0 } else { 1.0 };
-            let speed = along * self.speed_mps.abs().max(CURVATURE_SPEED_MPS);
-            let limit = drive.max_curvature_per_m;
-            self.curvature_per_m = (self.yaw_rate_radps / speed).clamp(-limit, limit);
-        }
-        Wheels { left_mps: self.speed_mps, right_mps: self.speed_mps, curvature_per_m: self.curvature_per_m }
+    /// Own speed by which a curvature is derived from a turn rate, m/s.
+    fn curvature_speed_mps(&self) -> f64 {
+        let along = if self.speed_mps < 0.0 { -1.0 } else { 1.0 };
+        along * self.speed_mps.abs().max(CURVATURE_SPEED_MPS)
+    }
+
+    /// Steers for an arc of this curvature, 1/m. The turn rate changes by at most `change_radps`, and a vehicle that is
+    /// still too fast for the arc turns at its greatest rate.
+    fn steer_arc(&mut self, arc_per_m: f64, drive: &Drive, change_radps: f64) {
+        let limit = drive.max_curvature_per_m.min(drive.max_yaw_rate_radps / self.speed_mps.abs());
+        let speed_mps = self.curvature_speed_mps();
+        let change = change_radps / speed_mps.abs();
+        let missing = arc_per_m.clamp(-limit, limit) - self.curvature_per_m;
+        self.curvature_per_m += missing.clamp(-change, change);
+        // From here the ramp of a turn towards a heading goes on.
+        self.yaw_rate_radps = self.curvature_per_m * speed_mps;
+    }
+
+    /// Steers for the turn rate.
+    fn steer_turn(&mut self, drive: &Drive) {
+        let limit = drive.max_curvature_per_m;
+        self.curvature_per_m = (self.yaw_rate_radps / self.curvature_speed_mps()).clamp(-limit, limit);
     }
 }
 
@@ -401,6 +422,52 @@ mod tests {
         assert!((curvature_per_m - 0.5 * DT_S).abs() < 1e-12, "{curvature_per_m}");
         let curvature_per_m = run(&mut ramps, aim, &drive, 100).curvature_per_m;
         assert!((curvature_per_m - 0.1).abs() < 1e-12, "{curvature_per_m}");
+    }
+
+    #[test]
+    fn a_vehicle_that_steers_drives_the_arc_that_it_is_told_however_slowly() {
+        // An arc of 0.15 1/m, also with the speed limited to 0.1 m/s and below, and backward.
+        let curve = Aim::Rate { speed_mps: 1.0, yaw_rate_radps: 0.15 };
+        let back = Aim::Rate { speed_mps: -0.1, yaw_rate_radps: 0.015 };
+        for (aim, expected_per_m) in [
+            (Aim::Rate { speed_mps: 0.1, yaw_rate_radps: 0.015 }, 0.15),
+            (curve.limited_to(0.1), 0.15),
+            (curve.limited_to(0.01), 0.15),
+            (back, -0.15),
+        ] {
+            let curvature_per_m = run(&mut Ramps::default(), aim, &STEERED, 100).curvature_per_m;
+            assert!((curvature_per_m - expected_per_m).abs() < 1e-9, "{aim:?}: {curvature_per_m}");
+        }
+        // It is on that arc already while it sets out, and does not leave it while it slows down.
+        let mut ramps = Ramps::default();
+        for aim in [curve, curve.limited_to(0.1)] {
+            for _ in 0..100 {
+                let wheels = ramps.step(aim, &STEERED, &Slip::default(), DT_S);
+                assert!((wheels.curvature_per_m - 0.15).abs() < 1e-9, "{aim:?}: {wheels:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_is_too_fast_for_an_arc_turns_at_its_greatest_rate_and_steers_on_as_it_slows_down() {
+        let drive = Drive { max_yaw_rate_radps: 0.1, max_yaw_acceleration_radps2: 0.5, ..STEERED };
+        let mut ramps = Ramps::default();
+        run(&mut ramps, Aim::Rate { speed_mps: 1.3, yaw_rate_radps: 0.0 }, &drive, 100);
+        let tight = Aim::Rate { speed_mps: 0.2, yaw_rate_radps: 0.03 };
+        let mut before_per_m = 0.0;
+        for _ in 0..100 {
+            let Wheels { left_mps, curvature_per_m, .. } = ramps.step(tight, &drive, &Slip::default(), DT_S);
+            let turn_radps = curvature_per_m * left_mps;
+            assert!(turn_radps <= 0.1 + 1e-9, "{left_mps} m/s: {turn_radps} rad/s");
+            let change_radps = (curvature_per_m - before_per_m) * left_mps;
+            assert!(change_radps <= 0.5 * DT_S + 1e-9, "{left_mps} m/s: changes by {change_radps} rad/s");
+            before_per_m = curvature_per_m;
+        }
+        assert!((before_per_m - 0.15).abs() < 1e-9, "{before_per_m}");
+        // A turn towards a heading goes on from there.
+        let heading = Aim::Heading { speed_mps: 0.2, error_rad: 0.0 };
+        let curvature_per_m = run(&mut ramps, heading, &drive, 1).curvature_per_m;
+        assert!((before_per_m - curvature_per_m - 0.5 * DT_S / 0.3).abs() < 1e-9, "{curvature_per_m}");
     }
 
     proptest! {

@@ -95,9 +95,9 @@
 //! | `memory` | out | `rcs.MapMemory` | the map to save, global frame |
 //! | `registration` | out | `foxglove.FrameTransforms` | the frame of the remembered map in the local frame; none while it does not fit |
 //!
-//! What the run has seen outlives `INIT`. While the local frame has jumped by more than 5 m in the global one, the map is not
-//! saved: until it is back, or the vehicle has driven on for 30 s. A remembered map that leaves no way to a goal is not used
-//! until there is another goal, and is saved all the same.
+//! What the run has seen outlives `INIT`. While the local frame has jumped by more than `jump_m` in the global one, the
+//! map is not saved: until it is back, or the vehicle has driven on for 30 s. A remembered map that leaves no way to a
+//! goal is not used until there is another goal, and is saved all the same.
 //!
 //! Period 0.5 s. Commands `SAVE` and `CLEAR`. State: the track, and how the remembered map fits. The map of a run is the
 //! parameter `memory` of the next one; `ocu run --save` writes it, and `ocu run --runs` hands it over. It is registered

@@ -249,7 +249,7 @@ impl Process for MapMemoryKeeper {
         let Ok(origin) = Origin::from_toml(&params.world) else {
             return cx.error("world: expected a file with the [origin] of the global frame");
         };
-        let jumped_m = self.jump.jumped_m(&global_from_local, vehicle, cx.now());
+        let jumped_m = self.jump.jumped_m(&global_from_local, vehicle, params.jump_m, cx.now());
         let cleared = self.cleared;
         let is_kept = |map: &Msg<Grid>| cleared.is_none_or(|cleared| map.header().log_time > cleared);
         // Asked to save, it takes the last map, also of a world model that is halted.

@@ -5,7 +5,7 @@ use super::Localization;
 use super::clocks::{ENCODERS, INERTIAL};
 use crate::attitude::{Attitude, AttitudeSettings};
 use crate::compass::{compass_rad, start_heading};
-use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
+use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict, fastest_mps};
 use crate::planar::{MotionNoise, Planar};
 use crate::proto::LocalizationParams;
 use crate::way_slip::Slipped;
@@ -328,6 +328,7 @@ impl Localization {
             gate: params.gps_gate,
             correlation_s: params.gps_correlation_s,
             reset_after: params.gps_reset_after,
+            fastest_mps: fastest_mps(self.speed_mps),
         };
         let local_height_m = self.height_m + level.z;
         // Without a height, the one that is known: the estimate of the height does not change.

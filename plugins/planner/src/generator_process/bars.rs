@@ -126,7 +126,7 @@ impl WaypointGenerator {
         self.told = None;
         if params.slide_bars_m > 0.0 {
             let vehicle = Pose::from_xy_yaw(at.x, at.y, self.yaw_rad);
-            let place = Barred::ahead(&vehicle, params.slide_bars_m);
+            let place = Barred::ahead(&vehicle, params.front_m, params.slide_bars_m);
             self.bar(place, at);
         }
     }

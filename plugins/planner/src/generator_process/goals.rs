@@ -89,7 +89,7 @@ impl WaypointGenerator {
     }
 
     /// Searches for the goal of the file, believed to be here (global frame, m), from the first arrival there on, given
-    /// whether the vehicle has arrived where it was told to drive, and whether it may drive. Where it drives
+    /// whether the vehicle has arrived where it was told to drive, whether it may drive, and how fast. Where it drives
     /// to.
     pub(super) fn look_for_goal(
         &mut self,
@@ -97,6 +97,7 @@ impl WaypointGenerator {
         goal: DVec2,
         arrived: bool,
         may_drive: bool,
+        slowness: f64,
         now: Stamp,
     ) -> DVec2 {
         let within_m = params.found_within_m;
@@ -112,7 +113,8 @@ impl WaypointGenerator {
         }
         // Those that are obeyed from this cycle on. Where they cannot be read, the planners are told nothing.
         let Ok(zones) = self.zones_to_obey(params) else { return goal };
-        let scene = Scene { goal, vehicle: (at, self.yaw_rad), track: &self.track, within_m, zones: &zones };
+        let (vehicle, track, zones) = ((at, self.yaw_rad), &self.track, &zones);
+        let scene = Scene { goal, vehicle, track, within_m, zones, slowness };
         let has_changed = if let Some(search) = &mut self.search {
             if !may_drive {
                 search.wait(now);
@@ -159,14 +161,16 @@ impl WaypointGenerator {
     }
 
     /// Where the goal of the file (global frame, m) is, by where the run before found it, as the remembered map is
-    /// registered, and by the position estimate of this run.
+    /// registered, and by the position estimate of this run. Only where somebody says that the goal is reached: else
+    /// each run would end a little farther away from it.
     pub(super) fn found_before(
         &mut self,
         params: &WaypointGeneratorParams,
         goal: DVec2,
         local_from_route: Option<&Pose>,
     ) -> Option<DVec2> {
-        if self.mission.goals.is_some() || self.commanded.is_some() {
+        let is_told = params.found_within_m > 0.0;
+        if !is_told || self.mission.goals.is_some() || self.commanded.is_some() {
             return None;
         }
         let (local_from_route, (global_from_local, _)) = local_from_route.zip(self.global_from_local)?;

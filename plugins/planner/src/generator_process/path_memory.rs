@@ -27,13 +27,16 @@ impl WaypointGenerator {
     /// the slips of this run. Sends empty ones: the next run would be handed those that were sent before.
     pub(super) fn forget(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
         self.forgotten = Some(remembered_of(params));
+        let now = cx.now();
         (self.way, self.sent_goal) = (Way::default(), None);
+        // Of the track, its last point is needed on: it says where the vehicle is.
+        self.track.drain(..self.track.len().saturating_sub(1));
+        self.began = self.began.and(Some(now));
         self.slippery.clear();
         self.barred.retain(|place| !place.slipped);
         // The planners are told without them.
         self.to_tell.goal = true;
         let Ok(origin) = self.given.origin(params) else { return };
-        let now = cx.now();
         self.slips_sent = Some(now);
         cx.write(&ports.slips, now, slips::to_message(&[], &origin.0));
         cx.write(&ports.route, now, route::to_message(&[], 0.0, &origin.0, 0.0));

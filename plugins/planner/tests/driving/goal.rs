@@ -2,7 +2,7 @@
 
 use super::{FILES, cycle, drive, free, global_at, path, polygon, start, status, story, transform};
 use rcs_geom::{DVec2, Pose};
-use rcs_msg::foxglove::{FrameTransform, FrameTransforms, PosesInFrame, Quaternion, Vector3};
+use rcs_msg::foxglove::{FrameTransform, FrameTransforms, PoseInFrame, PosesInFrame, Quaternion, Vector3};
 use rcs_msg::rcs::{Mission, ProcessState};
 use rcs_msg::{Stamp, rcs};
 use rcs_sense::pose_message;
@@ -68,6 +68,21 @@ fn while_the_vehicle_is_held_or_driven_by_hand_the_search_gives_up_no_place() {
         cycle(&mut bench, 9.8, 0.0, free, 8 * 20 + 2);
         let (_, text) = status(&bench, "generator");
         assert!(text.contains("looks for it: place 2"), "{status_of_vehicle:?}: {text}");
+    }
+}
+
+#[test]
+fn under_a_speed_limit_the_search_takes_its_time_for_each_place() {
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.found_within_m", "1.2")]);
+    let limited = rcs::VehicleStatus { max_speed_mps: 0.2, ..rcs::VehicleStatus::default() };
+    bench.write("/operator/vehicle", limited);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    bench.write("/operator/global", global_at(11.8));
+    // A fifth of the usual speed: five times 8 s.
+    for (cycles, place) in [(6 + 8 * 20 + 12, 1), (32 * 20, 2)] {
+        cycle(&mut bench, 9.8, 0.0, free, cycles);
+        let (_, text) = status(&bench, "generator");
+        assert!(text.contains(&format!("looks for it: place {place}")), "{text}, expected place {place}");
     }
 }
 
@@ -141,9 +156,14 @@ pub(super) fn register(bench: &mut Bench, moved: Option<DVec2>) {
     );
 }
 
+/// The parameters of a run that is handed a route, and told that the goal is reached within this distance, m.
+pub(super) fn found_before(found_within_m: &str) -> [(&str, &str); 4] {
+    [FILES[0], FILES[1], ("generator.route", "r"), ("generator.found_within_m", found_within_m)]
+}
+
 #[test]
 fn the_goal_lies_where_the_run_before_found_it_while_its_map_is_registered() {
-    let mut bench = start(&[FILES[0], FILES[1], ("generator.route", "r")]);
+    let mut bench = start(&found_before("1.2"));
     let target = |bench: &Bench| {
         let waypoints: PosesInFrame = bench.latest("/generator/waypoints");
         let last = waypoints.poses.last().unwrap().position.unwrap();
@@ -165,8 +185,22 @@ fn the_goal_lies_where_the_run_before_found_it_while_its_map_is_registered() {
 }
 
 #[test]
+fn a_goal_that_nobody_says_to_be_reached_stays_where_it_was_stated() {
+    // By its registered map, the run before found the goal 1 m east of where it is stated.
+    let ends = |found_within_m: &str| {
+        let mut bench = start(&found_before(found_within_m));
+        register(&mut bench, Some(DVec2::new(-1.25, -3.0)));
+        cycle(&mut bench, 0.0, 0.0, free, 12);
+        let goal: PoseInFrame = bench.latest("/generator/goal");
+        goal.pose.unwrap().position.unwrap().x
+    };
+    assert!((ends("0") - 10.0).abs() < 1e-6, "{}", ends("0"));
+    assert!((ends("1.2") - 10.55).abs() < 1e-6, "{}", ends("1.2"));
+}
+
+#[test]
 fn where_the_run_before_found_the_goal_is_not_driven_to_if_that_is_in_a_zone() {
-    let mut bench = start(&[FILES[0], FILES[1], ("generator.route", "r")]);
+    let mut bench = start(&found_before("1.2"));
     register(&mut bench, Some(DVec2::new(-2.0, -1.5)));
     let zone = polygon(&[(7.0, 0.65), (13.0, 0.65), (13.0, 3.0), (7.0, 3.0)]);
     let (frame_id, keep_out) = ("local".to_owned(), vec![zone]);

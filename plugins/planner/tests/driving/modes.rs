@@ -170,6 +170,17 @@ fn a_slip_of_a_half_is_driven_on_with_and_more_is_shaken_off_once_and_not_again_
 }
 
 #[test]
+fn where_the_wheels_slip_the_place_that_is_barred_lies_ahead_of_the_front_end() {
+    for (front_m, x_m) in [("0.24", 2.5), ("3", 5.26)] {
+        let mut bench = start(&[FILES[0], FILES[1], FILES[2], ("follower.front_m", front_m)]);
+        cycle(&mut bench, 0.0, 0.0, free, 12);
+        slips_at(&mut bench, &Pose::IDENTITY, 0.65, 20);
+        let event: ModeEvent = bench.latest("/follower/modes");
+        assert!(event.barred.is_some_and(|barred| (barred.x_m - x_m).abs() < 1e-9), "{front_m}: {event:?}");
+    }
+}
+
+#[test]
 fn a_vehicle_that_is_told_to_drive_and_does_not_move_shakes_itself_free() {
     let mut bench = start(&FILES);
     cycle(&mut bench, 0.0, 0.0, free, 55);

@@ -1,6 +1,6 @@
 //! What the generator hands from run to run: what is kept of it, and what is forgotten.
 
-use super::goal::register;
+use super::goal::{found_before, register};
 use super::slips::{first_run, nearest_m, sent};
 use super::{
     FILES, cycle, drive, drive_ahead, free, global_at, path, place_local_frame, point, start, status, story,
@@ -138,7 +138,7 @@ fn clear_forgets_the_slips_of_the_run_before_and_those_of_this_one() {
 
 #[test]
 fn clear_forgets_the_route_of_the_run_before_and_the_way_of_this_one() {
-    let mut bench = start(&[FILES[0], FILES[1], ("generator.route", "r")]);
+    let mut bench = start(&found_before("1.2"));
     // The goal is taken to be where that run found it.
     register(&mut bench, Some(DVec2::new(-2.0, -1.5)));
     cycle(&mut bench, 0.0, 0.0, free, 12);
@@ -152,6 +152,8 @@ fn clear_forgets_the_route_of_the_run_before_and_the_way_of_this_one() {
     assert_eq!(bench.latest::<Route>("/generator/route").points.len(), 0, "the next run is handed none");
     drive_on(&mut bench, 7.0, 9.5);
     assert!(ends_m(&bench).is_some_and(|(begin_m, _)| begin_m > 8.0), "{:?}", ends_m(&bench));
+    let Route { cut_m, time_s, .. } = bench.latest("/generator/route");
+    assert!(cut_m < 1.0 && time_s < 3.0, "what was forgotten is not cut: {cut_m} m, {time_s} s");
 }
 
 #[test]

@@ -24,6 +24,19 @@ pub const MARKED_CELLS: usize = 4;
 /// goes around it where there is another way.
 const SPUN_SHARE: f64 = 0.4;
 
+/// Whole cells of a gain; at least one of a positive gain.
+fn cells_of(gain: f64) -> u64 {
+    if gain > 0.0 { gain.round().max(1.0) as u64 } else { 0 }
+}
+
+/// Cells of ground and of obstacle that ground on which the wheels spin gains; at least one of each of a positive gain,
+/// because ground alone would make it free, and obstacle alone would close it.
+fn spun_cells(gain: f64) -> [u64; 2] {
+    let cells = if gain > 0.0 { cells_of(gain).max(2) } else { 0 };
+    let bumped = (SPUN_SHARE * cells as f64).round() as u64;
+    [cells - bumped, bumped]
+}
+
 /// The vehicle at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vehicle {
@@ -113,7 +126,7 @@ impl TerrainMap {
         let under = self.covered(&vehicle.local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
             under.iter().copied().filter(|cell| self.under.binary_search(cell).is_err()).collect();
-        self.experience(&fresh, Experience::Driven, [gain, 1.0], Reach::own(vehicle), rules);
+        self.experience(&fresh, Experience::Driven, [cells_of(gain), 1], Reach::own(vehicle), rules);
         self.experienced[0] += fresh.len() as u64;
         self.under = under;
     }
@@ -129,7 +142,7 @@ impl TerrainMap {
             hit.sort_unstable();
             hit.dedup();
         }
-        self.experience(&hit, Experience::Bumped, [gain; 2], Reach::own(vehicle), rules);
+        self.experience(&hit, Experience::Bumped, [cells_of(gain); 2], Reach::own(vehicle), rules);
         self.experienced[1] += hit.len() as u64;
     }
 
@@ -139,8 +152,9 @@ impl TerrainMap {
         let mut spun = self.covered(&vehicle.local_from_vehicle, patch);
         spun.retain(|cell| self.get(*cell).is_none_or(|cell| cell.terrain.bumped == 0));
         let reach = Reach::own(vehicle);
-        self.experience(&spun, Experience::Bumped, [SPUN_SHARE * gain; 2], reach, rules);
-        self.experience(&spun, Experience::Driven, [(1.0 - SPUN_SHARE) * gain, 0.0], reach, rules);
+        let [driven, bumped] = spun_cells(gain);
+        self.experience(&spun, Experience::Bumped, [bumped; 2], reach, rules);
+        self.experience(&spun, Experience::Driven, [driven, 0], reach, rules);
         self.experienced[0] += spun.len() as u64;
     }
 
@@ -160,18 +174,18 @@ impl TerrainMap {
         }
         inside.sort_unstable();
         inside.dedup();
-        self.experience(&inside, what, [gain; 2], Reach::told(self.ground_mm), rules);
+        self.experience(&inside, what, [cells_of(gain); 2], Reach::told(self.ground_mm), rules);
         self.experienced[2] += inside.len() as u64;
         inside.len() as u64
     }
 
-    /// Adds experience to cells, and to each of their models: the first gain, and the second one to what was driven over
-    /// although range called it an obstacle.
+    /// Adds experience to cells, and to each of their models: the first number of cells, and the second one to what was
+    /// driven over although range called it an obstacle.
     fn experience(
         &mut self,
         cells: &[CellIndex],
         what: Experience,
-        gains: [f64; 2],
+        [gained, overrules]: [u64; 2],
         reach: Reach,
         rules: &ModelRules,
     ) {
@@ -180,7 +194,6 @@ impl TerrainMap {
         // Lessons that a model which the cell joins later shall learn; in the second list, one from near.
         let mut untold: [Vec<(CellIndex, Lesson)>; 2] = [Vec::new(), Vec::new()];
         let mut near = 0;
-        let [gained, overrules] = gains.map(|gain| gain.round() as u64);
         let (driven, bumped) = if what == Experience::Driven { (gained, 0) } else { (0, gained) };
         for &index in cells {
             let Some(slot) = self.cells.get_mut(index) else { continue };

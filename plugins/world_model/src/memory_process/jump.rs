@@ -6,8 +6,6 @@ use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// Greatest motion from one cycle to the next that is no jump, m: that of `waypoint_generator` (`jump_m`).
-const JUMP_M: f64 = 5.0;
 /// Time after which a vehicle that has driven on, so far at least, m, is believed to be where the local frame has jumped to, s:
 /// the operator has seen it.
 const ACCEPTED_S: f64 = 30.0;
@@ -28,11 +26,18 @@ impl JumpWatch {
         self.before.get_or_insert(*global_from_local);
     }
 
-    /// Takes where the local frame lies in the global one, and the vehicle in the local one, m. Returns how far the frame has
-    /// jumped where the vehicle is, m, unless it is back, or the vehicle has driven on for long enough.
-    pub(super) fn jumped_m(&mut self, global_from_local: &Pose, vehicle: DVec2, now: Stamp) -> Option<f64> {
+    /// Takes where the local frame lies in the global one, and the vehicle in the local one, m. Returns how far the
+    /// frame has jumped where the vehicle is, m, if that is farther than `limit_m`, unless it is back, or the vehicle
+    /// has driven on for long enough.
+    pub(super) fn jumped_m(
+        &mut self,
+        global_from_local: &Pose,
+        vehicle: DVec2,
+        limit_m: f64,
+        now: Stamp,
+    ) -> Option<f64> {
         let by_m = at(global_from_local, vehicle).distance(at(&self.before?, vehicle));
-        if by_m > JUMP_M {
+        if by_m > limit_m {
             let (from, since) = self.jumped.get_or_insert((vehicle, now));
             if from.distance(vehicle) < DROVE_ON_M {
                 *since = now;
@@ -55,7 +60,8 @@ mod tests {
         let mut watch = JumpWatch::default();
         let mut jumped_m = |frame_x_m: f64, vehicle_x_m: f64, second: u64| {
             let frame = Pose::from_xy_yaw(frame_x_m, 0.0, 0.0);
-            let by_m = watch.jumped_m(&frame, DVec2::new(vehicle_x_m, 0.0), Stamp(second * 1_000_000_000));
+            let vehicle = DVec2::new(vehicle_x_m, 0.0);
+            let by_m = watch.jumped_m(&frame, vehicle, 5.0, Stamp(second * 1_000_000_000));
             watch.begin(&frame);
             by_m
         };
@@ -70,5 +76,15 @@ mod tests {
         assert_eq!([151, 179].map(|s| jumped_m(29.0, 5.0, s)), [Some(20.0); 2]);
         assert_eq!([180, 181].map(|s| jumped_m(29.0, 9.0, s)), [None; 2]);
         assert_eq!(jumped_m(9.0, 9.0, 182), Some(20.0), "and back is a jump again");
+    }
+
+    #[test]
+    fn a_jump_is_farther_than_the_limit() {
+        for (limit_m, expected_m) in [(5.0, None), (4.9, Some(5.0)), (20.0, None)] {
+            let mut watch = JumpWatch::default();
+            watch.begin(&Pose::IDENTITY);
+            let frame = Pose::from_xy_yaw(5.0, 0.0, 0.0);
+            assert_eq!(watch.jumped_m(&frame, DVec2::ZERO, limit_m, Stamp(0)), expected_m, "{limit_m} m");
+        }
     }
 }

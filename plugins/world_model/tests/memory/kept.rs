@@ -1,6 +1,6 @@
 //! What is kept and saved of a run: after `INIT`, without a way to the goal, and while the fixes have jumped.
 
-use super::{cost_at, first_run, go, ground_truth, locate, look, order, start, text};
+use super::{STACK, cost_at, first_run, go, ground_truth, locate, look, order, start, start_with, text};
 use glam::DVec2;
 use rcs_geom::Utm;
 use rcs_msg::Stamp;
@@ -103,6 +103,15 @@ fn while_the_fixes_have_jumped_the_map_is_not_saved_until_they_are_back_or_the_v
     bench.cycles(50, 640);
     look(&mut bench, ahead, 4.0, ground_truth, 20);
     assert_eq!((text(&bench).as_str(), saved_at(&bench, DVec2::new(1.0, 1.0), jumped)), (saves, 0));
+}
+
+#[test]
+fn a_jump_that_the_parameter_allows_does_not_keep_the_map_from_being_saved() {
+    let mut bench = start_with(STACK, &[("memory.jump_m", "30")]);
+    look(&mut bench, DVec2::ZERO, 4.0, ground_truth, 40);
+    place(&mut bench, LOCAL_FRAME + DVec2::new(20.0, 0.0));
+    look(&mut bench, DVec2::ZERO, 4.0, ground_truth, 20);
+    assert_eq!(text(&bench), "nothing is remembered; saves the map");
 }
 
 #[test]
