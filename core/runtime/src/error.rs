@@ -6,6 +6,9 @@ pub enum RunError {
     /// The stack does not fit the plugins or the log.
     #[error(transparent)]
     Stack(#[from] crate::StackError),
+    /// The log does not have the topics that the stack reads, one error for each of them.
+    #[error("{}", lines(.0))]
+    Inputs(Vec<crate::StackError>),
     /// The log could not be read.
     #[error(transparent)]
     Log(#[from] rcs_log::LogError),
@@ -21,4 +24,9 @@ pub enum RunError {
     /// The request cannot be fulfilled.
     #[error("{0}")]
     Refused(String),
+}
+
+/// One error a line.
+fn lines(errors: &[crate::StackError]) -> String {
+    errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }

@@ -44,7 +44,10 @@ pub(crate) struct FeedFault {
 impl Feed {
     pub(crate) fn new(log: &Log, machine: &Machine) -> Result<Self, RunError> {
         let info = log.info();
-        machine.plan.check_log(info)?;
+        let missing = machine.plan.check_log(info);
+        if !missing.is_empty() {
+            return Err(RunError::Inputs(missing));
+        }
         let mut writers: BTreeMap<TopicId, Vec<(Writer, bool)>> = BTreeMap::new();
         let mut fixed_topics = Vec::new();
         let mut moving_topics = Vec::new();

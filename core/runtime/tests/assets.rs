@@ -213,6 +213,15 @@ fn a_file_of_the_course_that_no_process_takes_is_read_too() {
 }
 
 #[test]
+fn a_course_that_is_given_to_a_stack_without_use_for_it_is_told() {
+    let warnings = |text: &str| plan(Some("easy"), text, &[]).unwrap().warnings;
+    let text = format!("format = 1\nname = \"t\"\n{}", robot("/operator/pose"));
+    let told = "the stack t uses nothing of the course easy; expected a stack that uses it, or no course";
+    assert_eq!(warnings(&text), [told]);
+    assert_eq!(warnings(&stack("", "", "")), [""; 0]);
+}
+
+#[test]
 fn the_truth_is_wired_only_to_those_who_may_know_it() {
     let error = plan(None, &stack("", "", &robot("/vehicle/pose")), &[]).unwrap_err();
     assert!(

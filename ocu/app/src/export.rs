@@ -1,6 +1,7 @@
 //! `ocu export`: writes fields of a recording, and formulas over them, as a table of text or in the format Parquet.
 
 use crate::cli::ExportArgs;
+use crate::nearest::nearest;
 use crate::output::{self, Files};
 use crate::parquet::parquet;
 use crate::{Ended, parts, stacks, usage};
@@ -10,6 +11,7 @@ use rcs_formula::{FieldRef, Formula, Over, Points};
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::{Segment, Stamp, Value};
 use rcs_runtime::source::{FieldSeries, exact_points, read_fields};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::ops::RangeInclusive;
 
@@ -32,11 +34,14 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     if let Some(constant) = formulas.iter().find(|formula| formula.fields().is_empty()) {
         return Err(usage(format!("got {constant}, expected a formula with a field")));
     }
-    let log = stacks::open_log(&args.log)?;
-    if let Some(whole) = formulas.iter().flat_map(Formula::fields).find(|field| is_whole(field)) {
-        return Err(usage(without_field(&log, &whole.topic)));
+    // The text is the name of the column.
+    let mut columns = BTreeSet::new();
+    if let Some(twice) = args.fields.iter().find(|text| !columns.insert(text.as_str())) {
+        return Err(usage(format!("--fields has {twice} twice; expected each column once")));
     }
+    let log = stacks::open_log(&args.log)?;
     let info = log.info();
+    check_fields(args, &log, &formulas)?;
     let length_s = info.end.seconds_since(info.start);
     let from_s = args.from;
     match args.to {
@@ -63,7 +68,9 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     if let Some(wrong) = all().find(|series| series.problem.is_some() && series.points.is_empty()) {
         stacks::check_full(&log, &args.log)?;
         let problem = wrong.problem.as_deref().unwrap_or_default();
-        return Err(usage(format!("{}: {problem}: {}", wrong.field, args.log.display())));
+        let fields = fields_of_message(&log, &wrong.field);
+        let fields = fields.map(|names| format!("; it has the fields {names}")).unwrap_or_default();
+        return Err(usage(format!("{}: {problem}{fields}: {}", wrong.field, args.log.display())));
     }
     let mut columns: Vec<(String, Points)> = Vec::new();
     for (formula, text) in formulas.iter().zip(&args.fields) {
@@ -109,6 +116,25 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     Ok(if is_whole { Ended::Well } else { Ended::Damaged })
 }
 
+/// Refuses topics that the log does not have, and those without a field.
+fn check_fields(args: &ExportArgs, log: &Log, formulas: &[Formula]) -> anyhow::Result<()> {
+    let info = log.info();
+    let mut fields = formulas.iter().flat_map(Formula::fields);
+    if let Some(absent) = fields.clone().find(|field| info.topics_named(&field.topic).next().is_none()) {
+        stacks::check_full(log, &args.log)?;
+        let known: BTreeSet<&str> = info.topics.iter().map(|topic| topic.name.as_str()).collect();
+        let known: Vec<&str> = known.into_iter().collect();
+        let others = match nearest(&absent.topic, &known) {
+            names if names.is_empty() => "it has none".to_owned(),
+            names => format!("the nearest names are {names}"),
+        };
+        return Err(usage(format!("the log has no topic {}; {others}", absent.topic)));
+    }
+    let Some(whole) = fields.find(|field| is_whole(field)) else { return Ok(()) };
+    let names = fields_of_message(log, whole).map(|names| format!(": {names}")).unwrap_or_default();
+    Err(usage(format!("got the topic {}, expected a field of it{names}", whole.topic)))
+}
+
 /// The fields of these formulas, each once.
 fn fields_of(formulas: &[&Formula]) -> Vec<FieldRef> {
     let mut fields: Vec<FieldRef> = formulas.iter().flat_map(|formula| formula.fields().to_vec()).collect();
@@ -127,21 +153,17 @@ fn has_index(field: &FieldRef) -> bool {
     field.path.segments().iter().any(|segment| matches!(segment, Segment::Index(_)))
 }
 
-/// What is said of a topic without a field: the fields of its first message.
-fn without_field(log: &Log, topic: &str) -> String {
-    let Some(known) = log.info().topics_named(topic).next() else {
-        return format!("the log has no topic {topic}");
-    };
-    let options = CursorOptions { topics: Some(vec![known.id]), ..CursorOptions::default() };
-    let first = log.cursor(options).find_map(Result::ok);
-    let fields: Vec<String> = match first.map(|message| known.schema.value(&message.data)) {
-        Some(Ok(Value::Message(fields))) => fields.into_iter().map(|(name, _)| name).collect(),
-        _ => Vec::new(),
-    };
-    if fields.is_empty() {
-        return format!("got the topic {topic}, expected a field of it");
-    }
-    format!("got the topic {topic}, expected a field of it: {}", fields.join(", "))
+/// The fields of the message at the path of a field, in the first message of its topic; `None` if no message with fields is
+/// there.
+fn fields_of_message(log: &Log, field: &FieldRef) -> Option<String> {
+    let topic = log.info().topics_named(&field.topic).next()?;
+    let options = CursorOptions { topics: Some(vec![topic.id]), ..CursorOptions::default() };
+    let first = log.cursor(options).find_map(Result::ok)?;
+    let root = topic.schema.value(&first.data).ok()?;
+    let found = root.get(&field.path).ok()?;
+    let Value::Message(fields) = &*found else { return None };
+    let names: Vec<&str> = fields.iter().map(|(name, _)| name.as_str()).collect();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 /// The points between two times.

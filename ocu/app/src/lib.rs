@@ -40,6 +40,7 @@ mod kept_layouts;
 pub mod latency;
 pub mod layout;
 mod layout_fit;
+mod nearest;
 pub mod offscreen;
 pub mod open;
 mod output;
@@ -226,8 +227,11 @@ fn code_of(error: &anyhow::Error) -> u8 {
             || cause.downcast_ref().is_some_and(is_refused)
             || matches!(cause.downcast_ref(), Some(EvalError::Read { .. }))
             || matches!(cause.downcast_ref(), Some(RunError::Log(error)) if is_refused(error))
-            || matches!(cause.downcast_ref(), Some(RunError::Stack(_)))
-            || matches!(cause.downcast_ref(), Some(SourceError::Run(RunError::Stack(_))))
+            || matches!(cause.downcast_ref(), Some(RunError::Stack(_) | RunError::Inputs(_)))
+            || matches!(
+                cause.downcast_ref(),
+                Some(SourceError::Run(RunError::Stack(_) | RunError::Inputs(_)))
+            )
     });
     if refused { USAGE } else { FAILED }
 }

@@ -1,9 +1,9 @@
 //! Several series as one table in the format Parquet, with the same rows and columns as the table of text
 //! ([`rcs_formula::csv`]). Numbers are doubles, whole numbers that are too large for doubles are integers of 64 bits,
-//! states and texts are strings by name, and what is missing is null.
+//! `false` and `true` are booleans, other states and texts are strings by name, and what is missing is null.
 
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::Result;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
@@ -55,6 +55,7 @@ fn schema(columns: &[(String, &Points)], kinds: &[Kind]) -> Result<Arc<Type>> {
     for ((name, _), kind) in columns.iter().zip(kinds) {
         let integer = |is_signed| Some(LogicalType::Integer { bit_width: 64, is_signed });
         let (physical, logical) = match kind {
+            Kind::Bool => (Physical::BOOLEAN, None),
             Kind::Name => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
             Kind::Number => (Physical::DOUBLE, None),
             Kind::Signed => (Physical::INT64, integer(true)),
@@ -67,7 +68,9 @@ fn schema(columns: &[(String, &Points)], kinds: &[Kind]) -> Result<Arc<Type>> {
 
 /// What a column contains.
 enum Kind {
-    /// States and texts by name.
+    /// `false` and `true`.
+    Bool,
+    /// Other states, and texts, by name.
     Name,
     /// Doubles.
     Number,
@@ -83,7 +86,11 @@ impl Kind {
             let fits = |(index, value): (usize, &f64)| points.whole_at(index).map_or(value.is_nan(), fits);
             points.values.iter().enumerate().all(fits)
         };
-        if points.are_states() {
+        let is_bool = |value: &f64| value.is_nan() || *value == 0.0 || *value == 1.0;
+        let names = points.names.iter().map(|(value, name)| (*value, &**name));
+        if names.eq([(0, "false"), (1, "true")]) && points.values.iter().all(is_bool) {
+            Self::Bool
+        } else if points.are_states() {
             Self::Name
         } else if points.whole.is_empty() {
             Self::Number
@@ -124,6 +131,10 @@ impl Table {
             let present: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
             let indices = cells.into_iter().flatten();
             match kind {
+                Kind::Bool => {
+                    let values: Vec<bool> = indices.map(|index| points.values[index] != 0.0).collect();
+                    write::<BoolType, _>(&mut group, &values, Some(&present))?;
+                }
                 Kind::Name => {
                     let name =
                         |value| points.name(value).map_or_else(|| value.to_string(), ToString::to_string);
@@ -223,6 +234,20 @@ mod tests {
                 vec![Field::Long(3), Field::Null, Field::Null],
             ]
         );
+    }
+
+    #[test]
+    fn what_is_false_or_true_is_a_boolean() {
+        let points = Points::from_seconds(&[(0.0, 1.0), (1.0, f64::NAN), (2.0, 0.0)]).as_truth();
+        let columns = [("/a.is_on".to_owned(), &points)];
+        let bytes = parquet(&columns, &(Stamp(0)..=Stamp(9_000_000_000)), Stamp(0)).unwrap();
+        let reader = SerializedFileReader::new(bytes::Bytes::from(bytes)).unwrap();
+        let read: Vec<Field> = reader
+            .get_row_iter(None)
+            .unwrap()
+            .filter_map(|row| row.unwrap().get_column_iter().nth(2).map(|(_, field)| field.clone()))
+            .collect();
+        assert_eq!(read, [Field::Bool(true), Field::Null, Field::Bool(false)]);
     }
 
     #[test]

@@ -33,7 +33,10 @@ const GIF_SPEED: i32 = 10;
 
 /// Renders the image or the animation, and writes it.
 pub fn render(args: &RenderArgs) -> anyhow::Result<Ended> {
-    let times = times(args)?;
+    check_animation(args)?;
+    if args.course.is_some() && args.stack.is_none() {
+        tracing::warn!("a recording uses nothing of --course; expected --stack with it, or no course");
+    }
     let mut files = Files::new(args.force);
     let texts = [&args.stack, &args.course].into_iter().flatten().map(Path::new);
     let layout = args.layout.as_deref();
@@ -62,6 +65,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<Ended> {
     let fields = layout.as_ref().map(Layout::fields).unwrap_or_default();
     let log = stacks::log_of(&request)?;
     let mut source = open_with(&request, log.as_ref(), &fields, args.against.as_deref())?;
+    let times = times(args, length_s(&*source))?;
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
     let mut picture = |at_s: f64| {
         let frame = Arc::new(seek(&mut *source, at_s)?);
@@ -88,9 +92,9 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<Ended> {
     Ok(Ended::after(log.as_ref()))
 }
 
-/// The times to draw, in seconds from the start of the source: one, or those of an animation.
-fn times(args: &RenderArgs) -> anyhow::Result<Vec<f64>> {
-    let Some(to_s) = args.to else { return Ok(vec![args.at]) };
+/// Refuses wrong options of an animation, before anything is opened.
+fn check_animation(args: &RenderArgs) -> anyhow::Result<()> {
+    let Some(to_s) = args.to else { return Ok(()) };
     if !parts::has_ending(&args.output, "gif") {
         return Err(usage(format!("--output is {}; expected a .gif file with --to", args.output.display())));
     }
@@ -100,14 +104,6 @@ fn times(args: &RenderArgs) -> anyhow::Result<Vec<f64>> {
     if args.every <= 0.0 || args.speed <= 0.0 {
         return Err(usage("--every and --speed: expected more than 0".to_owned()));
     }
-    // It may be larger than any integer.
-    let count = ((to_s - args.at) / args.every + 1e-9).floor() + 1.0;
-    if count > MOST_PICTURES as f64 {
-        return Err(usage(format!(
-            "--every {} s gives {count} pictures; expected at most {MOST_PICTURES}",
-            args.every
-        )));
-    }
     let shown_s = args.every / args.speed;
     if shown_s > MOST_SHOWN_S {
         return Err(usage(format!(
@@ -115,7 +111,32 @@ fn times(args: &RenderArgs) -> anyhow::Result<Vec<f64>> {
             args.every, args.speed
         )));
     }
+    Ok(())
+}
+
+/// The times to draw, in seconds from the start of a source of this length: one, or those of an animation, which ends with
+/// the source at the latest.
+fn times(args: &RenderArgs, length_s: Option<f64>) -> anyhow::Result<Vec<f64>> {
+    let length_s = length_s.unwrap_or(f64::INFINITY);
+    if args.at > length_s {
+        return Err(usage(format!("--at is {} s; expected at most {length_s:.3} s, where it ends", args.at)));
+    }
+    let Some(to_s) = args.to else { return Ok(vec![args.at]) };
+    // It may be larger than any integer.
+    let count = ((to_s.min(length_s) - args.at) / args.every + 1e-9).floor() + 1.0;
+    if count > MOST_PICTURES as f64 {
+        return Err(usage(format!(
+            "--every {} s gives {count} pictures; expected at most {MOST_PICTURES}",
+            args.every
+        )));
+    }
     Ok((0..count as usize).map(|picture| args.at + picture as f64 * args.every).collect())
+}
+
+/// Time from the start of a source to its end; `None` if nothing ends it.
+fn length_s(source: &dyn Source) -> Option<f64> {
+    let info = source.info();
+    info.end.map(|end| end.seconds_since(info.start))
 }
 
 /// The state of a source `at_s` seconds after its start, including its complete tracks.
@@ -140,18 +161,12 @@ fn open_with(
     Ok(source)
 }
 
-/// The state of a source at a time, in seconds from its start, once everything that it gathers is there.
+/// The state of a source at a time, in seconds from its start, or at its end if that is earlier, once everything that it
+/// gathers is there.
 fn seek(source: &mut dyn Source, at_s: f64) -> anyhow::Result<Frame> {
     let info = source.info();
     let at = info.start.after_ns((at_s * 1e9).round() as u64);
-    if let Some(end) = info.end
-        && at > end
-    {
-        let length_s = end.seconds_since(info.start);
-        return Err(usage(format!(
-            "the time is {at_s} s; expected at most {length_s:.3} s, where the recording ends"
-        )));
-    }
+    let at = info.end.map_or(at, |end| at.min(end));
     source.seek(at, &Task::default())?;
     while source.idle() {}
     Ok(source.frame())

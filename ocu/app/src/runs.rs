@@ -54,8 +54,8 @@ pub(crate) fn referee(plan: &Plan) -> Option<usize> {
     plan.buffers.iter().position(|buffer| buffer.spec.schema.name() == schema_of::<CourseRun>().name())
 }
 
-/// Refuses a stack that cannot run, or that would run on for ever: it reads a recording that is not there, or nothing ends
-/// it.
+/// Refuses a stack that cannot run, or that would run on for ever: it reads a recording that is not there or lacks topics
+/// of it, or nothing ends it.
 pub(crate) fn check(
     plan: &Plan,
     log: Option<&Log>,
@@ -70,6 +70,10 @@ pub(crate) fn check(
         return Err(usage(format!(
             "the stack {stack} reads the topic {topic} of a recording; expected --log"
         )));
+    }
+    let missing = log.map(|log| plan.check_log(log.info())).unwrap_or_default();
+    if !missing.is_empty() {
+        return Err(RunError::Inputs(missing).into());
     }
     let has_referee = referee(plan).is_some();
     if log.is_none() && until_s.is_none() && !has_referee {

@@ -52,7 +52,7 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
             match (&args.log, plan.inputs.first()) {
                 (Some(path), _) => {
                     let log = stacks::open_log(path)?;
-                    findings.errors.extend(plan.check_log(log.info()).err().map(|error| error.to_string()));
+                    findings.errors.extend(plan.check_log(log.info()).iter().map(ToString::to_string));
                     ended = Ended::after(Some(&log));
                 }
                 (None, Some(input)) => findings

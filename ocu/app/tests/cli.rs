@@ -457,7 +457,7 @@ fn eval_color_refuses_what_does_not_fit() {
         "expected mulch, orange_fence, white_lime or a file",
     );
     check(&[&image, "--labels", &labels, "--apriori", &labels], 2, "cannot read the models");
-    check(&[&image, "--labels", &labels, "--ignore-ids", "1,2,7,255"], 1, "have ignored ids");
+    check(&[&image, "--labels", &labels, "--ignore-ids", "1,7"], 2, "the id 7 is in --ground-ids and");
 }
 
 /// A recording with true labels and classes of two moments; the second classes are 3 ms late.
@@ -576,4 +576,25 @@ fn a_sweep_has_a_row_for_each_combination_and_each_is_what_a_run_gives() {
     }
     let (code, _, errors) = ocu(&[&sweep[..], &sweep[1..3], &stack].concat());
     assert_eq!((code, errors.contains("is given twice")), (2, true), "{errors}");
+}
+
+#[test]
+fn each_topic_that_a_log_lacks_is_told_with_those_of_its_type() {
+    let (dir, log) = recording();
+    let [stack, runs] = ["mine.toml", "runs"].map(|name| dir.path().join(name));
+    let inputs = [("/a", "foxglove.Odometry"), ("/b", "foxglove.Grid")].map(|(topic, schema)| {
+        format!("[[input]]\nbuffer = {topic:?}\ntopic = {topic:?}\ntype = {schema:?}\n")
+    });
+    let process = "[[process]]\nname = \"obstacles\"\nplugin = \"obstacles\"\nsupervisor = \"viewer\"\n";
+    std::fs::write(&stack, format!("format = 1\nname = \"mine\"\n{}{process}", inputs.concat())).unwrap();
+    let named = text(&stack);
+    let sweep = ["sweep", "--stack", named, "--record", text(&runs)];
+    for command in [&["stack", "check", named][..], &["run", "--stack", named], &sweep] {
+        let (code, out, errors) = ocu(&[command, &["--log", text(&log)]].concat());
+        let told = out + &errors;
+        assert_eq!(code, if command[0] == "stack" { 1 } else { 2 }, "{told}");
+        assert!(told.contains("no topic /a of type foxglove.Odometry; expected /localization/local\n"));
+        assert!(told.contains("no topic /b of type foxglove.Grid; none of its topics is of this type"));
+    }
+    assert!(!runs.exists());
 }

@@ -48,10 +48,15 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
     }
     for (field, part) in [
         ("/absent.x", "the log has no topic /absent"),
+        (
+            "/localisation/local.pose.position.x",
+            "no topic /localisation/local; the nearest names are /localization/local, ",
+        ),
         ("1", "got 1, expected a formula with a field"),
         ("/localization/local.pose.altitude", "no field \"altitude\""),
         ("smoth(/localization/local.pose.position.x)", "got \"smoth\", expected one of smooth"),
         ("/localization/local.pose", "got a message, expected a number"),
+        ("/localization/local.pose", "; it has the fields position, orientation: "),
         ("/localization/local", "got the topic /localization/local, expected a field of it: "),
         (
             "/vehicle/gps.position_covariance_type == KNWON",
@@ -62,6 +67,9 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
         assert_eq!(code, 2, "{field}");
         assert!(errors.contains(part), "{field}: {errors}");
     }
+    let twice = ["export", text(&log), "--fields", X, X, "-o", text(&csv), "--force"];
+    let (code, _, errors) = ocu(&twice);
+    assert!(code == 2 && errors.contains(&format!("--fields has {X} twice")), "{errors}");
     let (code, _, errors) = ocu(&["export", text(&log), "--fields", X, "-o", text(&csv)]);
     assert_eq!((code, errors.contains("exists already")), (2, true), "{errors}");
     // What is not in a message has an empty cell, and is no value.
@@ -118,6 +126,8 @@ fn a_file_that_is_named_like_another_format_is_refused_and_so_are_flags_without_
         let (code, errors) = render(name, &[]);
         assert!(code == 2 && errors.contains("expected a .png file, or a .gif file with --to"), "{errors}");
     }
+    let (_, errors) = render("r.jpg", &["--course", "hill"]);
+    assert!(errors.contains("a recording uses nothing of --course; expected --stack with it"), "{errors}");
     for more in [["--every", "1"], ["--speed", "2"]] {
         let (code, errors) = render("r.png", &more);
         assert!(code == 2 && errors.contains("--to"), "{errors}");
@@ -261,4 +271,19 @@ fn render_draws_an_animation_of_a_range() {
         let (code, _, errors) = draw(output, &change);
         assert!(code == 2 && errors.contains(expected), "{code} {errors}");
     }
+}
+
+#[test]
+fn a_time_beyond_the_end_is_refused_by_its_option_and_an_animation_ends_with_the_recording() {
+    let (dir, path) = recording();
+    let gif = dir.path().join("drive.gif");
+    let draw = |at: &str| {
+        let args = ["render", text(&path), "--layout", "default", "--size", "320x200", "--at", at];
+        ocu(&[&args[..], &["--to", "99", "--every", "0.9", "-o", text(&gif)]].concat())
+    };
+    let (code, _, errors) = draw("50");
+    assert!(code == 2 && errors.contains("--at is 50 s; expected at most 2.000 s, where"), "{errors}");
+    assert!(!gif.exists());
+    let (code, _, errors) = draw("0.2");
+    assert!(code == 0 && gif.exists(), "{code} {errors}");
 }

@@ -30,6 +30,7 @@ impl Plan {
         let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         params.read_rest_of_course(plugins)?;
+        params.warn_of_unused_course();
         let hash = hash_of(&file, &processes);
         let ParamReader { files, warnings, .. } = params;
         Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns, warnings })

@@ -30,7 +30,9 @@ pub(super) struct ParamReader<'a> {
     pub(super) options: PlanOptions<'a>,
     pub(super) course: Option<Course>,
     pub(super) files: FileTable,
-    /// Files of the stack that those of the course replace, with the line that names them.
+    /// Whether a parameter has a file or a value of the course.
+    uses_course: bool,
+    /// Files of the stack that those of the course replace, with the line that names them, and a course without use.
     pub(super) warnings: Vec<String>,
     /// Complete messages of a recorded run; if present, nothing else is used.
     given: Option<&'a [rcs::InitialParams]>,
@@ -45,13 +47,15 @@ struct FileField {
 impl<'a> ParamReader<'a> {
     pub(super) fn new(file: &'a StackFile, options: PlanOptions<'a>) -> Result<Self, StackError> {
         let course = Course::read(file, options.course, options.assets)?;
-        Ok(Self { file, options, course, files: FileTable::default(), warnings: Vec::new(), given: None })
+        let (files, warnings) = (FileTable::default(), Vec::new());
+        Ok(Self { file, options, course, files, uses_course: false, warnings, given: None })
     }
 
     /// The parameters of a recorded run.
     pub(super) fn given(file: &'a StackFile, run: &'a rcs::RunInfo, options: PlanOptions<'a>) -> Self {
         let files = FileTable::of_run(run);
-        Self { file, options, course: None, files, warnings: Vec::new(), given: Some(&run.params) }
+        let (warnings, given) = (Vec::new(), Some(run.params.as_slice()));
+        Self { file, options, course: None, files, uses_course: false, warnings, given }
     }
 
     pub(super) fn read(
@@ -185,6 +189,7 @@ impl<'a> ParamReader<'a> {
         };
         let asset = course.asset(kind, self.options.assets).map_err(|error| error.to_string())?;
         let asset = asset.ok_or_else(|| format!("the course has no {kind}, which {text} is of"))?;
+        self.uses_course = true;
         let table: toml::Table =
             toml::from_str(&asset.text).map_err(|error| format!("{}: {}", asset.file, error.message()))?;
         let mut value = &toml::Value::Table(table);
@@ -225,6 +230,7 @@ impl<'a> ParamReader<'a> {
         for file in files {
             let Some(course) = &self.course else { return Ok(()) };
             let Some(asset) = course.asset(&file.kind, self.options.assets)? else { continue };
+            self.uses_course = true;
             let name = self.take_file(&file.kind, &asset);
             if text_at(values, &file.field).is_some_and(|own| !own.is_empty() && own != name) {
                 self.warn_of_replaced(entry, file, &asset);
@@ -246,6 +252,15 @@ impl<'a> ParamReader<'a> {
         let files = descriptors.flat_map(|descriptor| file_fields(&params::specs(descriptor), ""));
         let kinds: BTreeSet<String> = files.map(|file| file.kind).collect();
         kinds.iter().try_for_each(|kind| course.asset(kind, self.options.assets).map(|_| ()))
+    }
+
+    /// Warns of a course in the options of which no process takes anything.
+    pub(super) fn warn_of_unused_course(&mut self) {
+        let Some(course) = self.options.course.filter(|_| !self.uses_course) else { return };
+        let stack = self.file.name();
+        self.warnings.push(format!(
+            "the stack {stack} uses nothing of the course {course}; expected a stack that uses it, or no course"
+        ));
     }
 
     /// Warns of a file of the stack in whose place that of the course counts, unless the command line gives a third one.

@@ -10,6 +10,7 @@ use crate::ports::PortDef;
 use crate::process::ProcessType;
 use rcs_bus::BufferSpec;
 use rcs_msg::{AnyMessage, DeltaCodec, rcs};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// What a stack runs. Indices refer to [`Plan::buffers`] and [`Plan::processes`].
@@ -183,32 +184,34 @@ impl Plan {
         self.processes.iter().enumerate().map(info).collect()
     }
 
-    /// Checks that a log has every topic that the stack reads, in a type that converts to that of its readers.
-    pub fn check_log(&self, log: &rcs_log::LogInfo) -> Result<(), StackError> {
-        for input in &self.inputs {
-            let error = |message: String| StackError {
-                file: input.origin.file.clone(),
-                line: input.origin.line,
-                message,
-            };
-            let Some(topic) = log.topics.iter().find(|topic| topic.name == input.topic) else {
-                return Err(error(format!(
-                    "the log has no topic {}; expected {}",
-                    input.topic,
-                    one_of(log.topics.iter().map(|topic| topic.name.as_str()))
-                )));
-            };
+    /// An error for each topic that the stack reads and that a log does not have, or not in a type that converts to that
+    /// of its readers. It names the topics that convert.
+    pub fn check_log(&self, log: &rcs_log::LogInfo) -> Vec<StackError> {
+        let error = |input: &InputPlan| {
             let wanted = self.buffers[input.buffer].spec.schema.name();
-            let got = rcs_msg::canonical_name(&topic.schema);
-            if !got.is_some_and(|got| converts(got, wanted)) {
-                return Err(error(format!(
+            let fits = |topic: &rcs_log::LogTopic| {
+                rcs_msg::canonical_name(&topic.schema).is_some_and(|got| converts(got, wanted))
+            };
+            let message = match log.topics.iter().find(|topic| topic.name == input.topic) {
+                Some(topic) if fits(topic) => return None,
+                Some(topic) => format!(
                     "topic {} holds {} ({}), which is not read as {wanted}",
                     input.topic,
                     topic.schema.name(),
                     topic.schema.message_encoding().name(),
-                )));
-            }
-        }
-        Ok(())
+                ),
+                None => format!("the log has no topic {} of type {wanted}", input.topic),
+            };
+            let fitting: BTreeSet<&str> =
+                log.topics.iter().filter(|topic| fits(topic)).map(|topic| topic.name.as_str()).collect();
+            let expected = if fitting.is_empty() {
+                "none of its topics is of this type".to_owned()
+            } else {
+                format!("expected {}", one_of(fitting))
+            };
+            let (file, line) = (input.origin.file.clone(), input.origin.line);
+            Some(StackError { file, line, message: format!("{message}; {expected}") })
+        };
+        self.inputs.iter().filter_map(error).collect()
     }
 }

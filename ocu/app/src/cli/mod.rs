@@ -116,7 +116,7 @@ pub struct WindowArgs {
     /// Seed of the random numbers, by default that of the recorded run that the stack reads, else 0
     #[arg(long, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Layout to start with: the name of a bundled one, of one that you keep, or a .ron file
+    /// Layout to start with, as you last arranged it: the name of a bundled one, of one that you keep, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
     /// Graphics API of the window; by default wgpu, or glow if the only graphics adapter is a software one

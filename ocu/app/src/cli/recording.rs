@@ -82,8 +82,8 @@ pub struct RenderArgs {
     /// Seed of the random numbers, by default that of the recorded run that the stack reads, else 0
     #[arg(long, value_parser = parse_seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Layout to draw: the name of a bundled one, of one that you keep, or a .ron file; without it, the one that
-    /// fits the source, or with --against the view Compare
+    /// Layout to draw: the name of a bundled one, as it comes, of one that you keep, or a .ron file; without it, the
+    /// one that fits the source, or with --against the view Compare
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
     /// Recording to compare with, for the view Compare; of one that was split, the folder or the first file

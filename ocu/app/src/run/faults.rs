@@ -5,6 +5,7 @@
 
 use super::acts::{Act, LATEST_S, fault_name, kind_name, seconds_ns};
 use crate::assets::read_text;
+use crate::nearest::nearest;
 use crate::usage;
 use ocu_ui::format;
 use rcs_msg::rcs::fault::Kind;
@@ -16,8 +17,6 @@ use std::path::Path;
 
 /// Buffer of the requests.
 const OVERRIDE: &str = "/runtime/override";
-/// Number of names that are told where a target is not known.
-const MOST_NEAR: usize = 5;
 
 /// One fault: an entry of the file.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -172,7 +171,7 @@ impl Entry {
             // A name without a slash may be meant for a buffer.
             ("process or buffer", self.process.as_str(), processes.chain(buffers).collect())
         };
-        let nearest = similar::get_close_matches(name, &known, MOST_NEAR, 0.0).join(", ");
+        let nearest = nearest(name, &known);
         format!("the stack {} has no {what} {name}; the nearest names are {nearest}", plan.file.name())
     }
 

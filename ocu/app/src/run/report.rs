@@ -103,10 +103,15 @@ impl LogDamage {
     }
 }
 
-/// A process that did nothing useful: each message of an input was a fault, or it wrote nothing.
+/// A process that did nothing useful: each message of an input was a fault, or it wrote nothing. The last fault says why,
+/// else the last status.
 fn warning(process: &ProcessSummary) -> Option<String> {
-    let ProcessSummary { name, cycles, faults, last_fault, .. } = process;
-    let last = if last_fault.is_empty() { String::new() } else { format!("; the last one: {last_fault}") };
+    let ProcessSummary { name, cycles, faults, last_fault, state_text, .. } = process;
+    let last = match (last_fault.as_str(), state_text.as_str()) {
+        ("", "") => String::new(),
+        ("", status) => format!("; its status: {status}"),
+        (fault, _) => format!("; the last one: {fault}"),
+    };
     if let Some(input) = &process.refused_input {
         return Some(format!("{name} could use no message of its input {input}: {faults} faults{last}"));
     }
@@ -337,4 +342,30 @@ fn human_runs(runs: &[RunReport], out: &mut dyn Write) -> anyhow::Result<()> {
     table.write(out)?;
     writeln!(out)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_without_a_fault_that_wrote_nothing_is_told_with_its_last_status() {
+        let process = |faults: u64, last_fault: &str| ProcessSummary {
+            name: "wm1".to_owned(),
+            state: ProcessState::Exec,
+            state_text: "waits for the vehicle's pose".to_owned(),
+            cycles: 202,
+            mean_us: 1.0,
+            max_us: 1.0,
+            overruns: 0,
+            faults,
+            last_fault: last_fault.to_owned(),
+            written: Some(0),
+            refused_input: None,
+        };
+        let told = warning(&process(0, "")).unwrap();
+        assert!(told.ends_with("with 0 faults; its status: waits for the vehicle's pose"), "{told}");
+        let told = warning(&process(3, "no calibration")).unwrap();
+        assert!(told.ends_with("with 3 faults; the last one: no calibration"), "{told}");
+    }
 }
