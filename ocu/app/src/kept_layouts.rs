@@ -6,6 +6,9 @@ use crate::layout::Layout;
 use anyhow::Context as _;
 use std::path::{Path, PathBuf};
 
+/// Why an arrangement is not as it was kept.
+const UNUSABLE: &str = "the kept arrangement cannot be used, and is set aside as .old before it is replaced";
+
 /// Their folder, in the folder of the program's data.
 pub(crate) fn folder(data_dir: &Path) -> PathBuf {
     data_dir.join("layouts")
@@ -40,12 +43,23 @@ pub(crate) fn load(folder: &Path, name: &str) -> anyhow::Result<Option<Layout>> 
     if !path.exists() {
         return Ok(None);
     }
-    let layout = Layout::load(&path).context("the arrangement that was kept cannot be used")?;
+    let layout = Layout::load(&path).context(UNUSABLE)?;
     // A file from before may have another name written in it.
     Ok(Some(Layout { name: name.to_owned(), ..layout }))
 }
 
-/// The layout named on the command line: a bundled one, one that the user keeps, or a file.
+/// The layout named on the command line for the window: as the user last arranged it, else as it comes. If the file of
+/// a bundled one cannot be used, it is as it comes, and the reason is returned, too.
+pub(crate) fn as_arranged(spec: &str, data_dir: Option<&Path>) -> anyhow::Result<(Layout, Option<String>)> {
+    let kept = data_dir.filter(|_| is_bundled(spec)).map_or(Ok(None), |dir| load(&folder(dir), spec));
+    match kept {
+        Ok(Some(kept)) => Ok((kept, None)),
+        Ok(None) => Ok((named(spec, data_dir)?, None)),
+        Err(error) => Ok((named(spec, data_dir)?, Some(crate::say(&error)))),
+    }
+}
+
+/// The layout named on the command line: a bundled one as it comes, one that the user keeps, or a file.
 pub(crate) fn named(spec: &str, data_dir: Option<&Path>) -> anyhow::Result<Layout> {
     if is_bundled(spec) {
         return Layout::named(spec);
@@ -97,5 +111,22 @@ mod tests {
         std::fs::write(&path, "Layout(version: 77)").unwrap();
         let damaged = crate::say(&named("mine").unwrap_err());
         assert!(damaged.contains("mine.ron:1") && damaged.contains("version 77"), "{damaged}");
+    }
+
+    #[test]
+    fn a_bundled_layout_opens_in_the_window_as_it_was_arranged_and_as_it_comes_where_its_file_is_damaged() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, bundled) = (folder(dir.path()).join("default.ron"), Layout::named("default").unwrap());
+        let arranged = || as_arranged("default", Some(dir.path())).unwrap();
+        assert_eq!(arranged(), (bundled.clone(), None));
+        let own = Layout { name: "default".to_owned(), ..Layout::empty() };
+        own.save(&path).unwrap();
+        assert_eq!(arranged(), (own, None));
+        assert_eq!(named("default", Some(dir.path())).unwrap(), bundled, "of a command");
+
+        std::fs::write(&path, "Layout(version: 1, na").unwrap();
+        let (layout, problem) = arranged();
+        assert_eq!(layout, bundled);
+        assert!(problem.is_some_and(|text| text.contains("default.ron:1") && text.contains("set aside")));
     }
 }

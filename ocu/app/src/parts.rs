@@ -44,6 +44,11 @@ pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     }
 }
 
+/// Whether [`of`] a path may return more files later.
+pub(crate) fn may_be_continued(path: &Path) -> bool {
+    path.is_dir() || number(path).is_some_and(|(_, number)| number == 0)
+}
+
 /// A file, and the files that continue it if it is the first part of a recording.
 fn continued(first: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = vec![first.to_owned()];

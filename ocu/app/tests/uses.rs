@@ -434,6 +434,35 @@ fn a_recording_that_is_still_being_written_is_followed_at_its_end() {
 }
 
 #[test]
+fn the_next_file_of_a_recording_is_followed_although_the_last_one_was_finished() {
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::{AnyMessage, Stamp, foxglove::Vector3};
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, from_s: u64, to_s: u64| {
+        let mut writer = LogWriter::create(dir.path().join(name), WriterOptions::default()).unwrap();
+        let message = AnyMessage::new(Vector3 { x: 1.0, ..Vector3::default() });
+        let channel =
+            writer.add_channel("/a", &message.schema(), &std::collections::BTreeMap::new()).unwrap();
+        for second in from_s..to_s {
+            let time = Stamp(second * 1_000_000_000);
+            let header = WriteHeader { sequence: second as u32, log_time: time, publish_time: time };
+            writer.write(channel, header, &message.bytes()).unwrap();
+        }
+        writer.finish().unwrap();
+    };
+    write("live_0.mcap", 1, 10);
+    let request = ocu_app::open::Request { log: Some(dir.path().to_owned()), ..Default::default() };
+    let options = ocu_app::window::Options { request, ..Default::default() };
+    let mut harness = common::window::open(options);
+    let end = |frame: &rcs_runtime::source::Frame| frame.info.end.unwrap().0 / 1_000_000_000;
+    assert_eq!(frame(&harness).unwrap().info.problems, Vec::<String>::new());
+    for (name, from_s, to_s) in [("live_1.mcap", 10, 20), ("live_2.mcap", 20, 30)] {
+        write(name, from_s, to_s);
+        wait_until(&mut harness, name, |frame| end(frame) == to_s - 1);
+    }
+}
+
+#[test]
 fn the_open_dialog_completes_a_path_and_opens_what_is_clicked() {
     let dir = tempfile::tempdir().unwrap();
     let recording = common::window::sample(dir.path()).log.unwrap();

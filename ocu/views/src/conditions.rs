@@ -267,7 +267,11 @@ impl Conditions {
             egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 0)).show(ui, |ui| {
                 ui.with_layout(Layout::right_to_left(Align::TOP), |ui| {
                     removed = remove(ui, &formula);
-                    ui.with_layout(Layout::left_to_right(Align::TOP), |ui| {
+                    // The first line of the formula is in one line with the button.
+                    let line = ui.text_style_height(&egui::TextStyle::Monospace);
+                    let above = ((ui.min_rect().height() - line) * 0.5).max(0.0);
+                    ui.with_layout(Layout::top_down(Align::LEFT), |ui| {
+                        ui.add_space(above);
                         ui.add(egui::Label::new(widgets::mono(&formula)).wrap());
                     });
                 });

@@ -60,6 +60,11 @@ impl View for Drive {
                     (ui.spacing_mut().item_spacing.y, ui.spacing_mut().interact_size.y) = (2.0, 16.0);
                     if let Some(run) = run {
                         course(ui, run, stated.is_some());
+                        if stated.is_none() && looks_for_goal(cx.frame, run, vehicle) {
+                            let text = "The stack still looks for it, by its own estimate of the position.";
+                            let text = egui::RichText::new(text).small().color(tokens(ui).weak);
+                            ui.add(egui::Label::new(text).wrap());
+                        }
                     }
                     if let Some(stated) = stated {
                         mission(ui, cx.frame, stated);
@@ -314,6 +319,20 @@ fn mission(ui: &mut Ui, frame: &Frame, mission: &rcs::Mission) {
         name_value(ui, NAMES, "Next goal", mono(format!("{distance_m:6.1} m")))
             .on_hover_text("To the next goal of the mission, from the estimated position.");
     }
+}
+
+/// Whether the stack drives on although the referee, who knows the true position, says that the goal is reached.
+fn looks_for_goal(
+    frame: &Frame,
+    run: &rcs::CourseRun,
+    vehicle: Option<(&Topic, &rcs::VehicleStatus)>,
+) -> bool {
+    let drives = |status: &rcs::VehicleStatus| {
+        !status.stopped && !status.teleoperated && status.wanted_speed_mps.abs() > 0.0
+    };
+    run.outcome() == CourseOutcome::CourseReached
+        && operator::stack_drives(frame)
+        && vehicle.is_some_and(|(_, status)| drives(status))
 }
 
 /// Progress of the course; `has_mission`: whether the vehicle drives to other goals than that of the course.

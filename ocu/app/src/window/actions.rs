@@ -7,6 +7,7 @@ use super::focus::cancel;
 use super::leaving::{Lost, Next};
 use super::notices::Matter;
 use super::open::{Outcome, Picked};
+use super::operate::StopState;
 use super::recording;
 use super::top_menus::seed_of;
 use super::top_state::TopBarAction;
@@ -18,6 +19,7 @@ use crate::remembered::Remembered;
 use crate::say;
 use anyhow::Context as _;
 use egui::{ViewportCommand, gui_zoom};
+use ocu_views::edit::{self, Held};
 use rcs_runtime::source::{Control, Frame, SourceKind};
 use std::path::Path;
 
@@ -156,7 +158,7 @@ impl Window {
         match command {
             Command::EmergencyStop => {
                 if let Some(frame) = frame {
-                    self.operating.emergency_stop(frame, true, controls);
+                    self.emergency_stop(frame, true, controls);
                 }
             }
             Command::Bookmark => {
@@ -240,6 +242,29 @@ impl Window {
         }
     }
 
+    /// Requests an emergency stop, or its release. A stop also releases what the operator holds and the faults on
+    /// demand, which could replace or delay what the vehicle is commanded.
+    fn emergency_stop(&mut self, frame: &Frame, active: bool, controls: &mut Vec<Control>) {
+        self.operating.emergency_stop(frame, active, controls);
+        let can_stop = self.operating.stop_state(frame) != StopState::None;
+        let held = edit::held(frame);
+        if !active || !can_stop || held.is_empty() {
+            return;
+        }
+        let text_of = |held: &Held| {
+            let is = if held.is_fault { ":" } else { " =" };
+            format!("{}{is} {}", held.target, held.what)
+        };
+        let listed = held.iter().map(text_of).collect::<Vec<_>>().join(", ");
+        if let Some(release) = edit::release(frame, None) {
+            controls.push(release);
+            self.notices.news(Matter::Held, format!("the emergency stop releases what is held: {listed}"));
+        } else {
+            let text = "the emergency stop cannot release what is held, which may keep the vehicle moving";
+            self.notices.error(Matter::Held, format!("{text}: {listed}"));
+        }
+    }
+
     pub(super) fn perform(
         &mut self,
         action: TopBarAction,
@@ -252,7 +277,7 @@ impl Window {
             TopBarAction::Restart => self.open_asking(self.current.clone(), controls),
             TopBarAction::EmergencyStop(active) => {
                 if let Some(frame) = frame {
-                    self.operating.emergency_stop(frame, active, controls);
+                    self.emergency_stop(frame, active, controls);
                 }
             }
             TopBarAction::Record(path) => controls.push(recording::start(path)),
@@ -269,7 +294,7 @@ impl Window {
             TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
             TopBarAction::Undo => controls.push(Control::Undo),
             TopBarAction::Release(id) => {
-                controls.extend(frame.and_then(|frame| ocu_views::edit::release(frame, id)));
+                controls.extend(frame.and_then(|frame| edit::release(frame, id)));
             }
             TopBarAction::ToggleBuffers => self.buffers_open = !self.buffers_open,
             TopBarAction::ToggleTheme => {

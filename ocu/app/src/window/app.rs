@@ -1,6 +1,7 @@
 //! Runs [`Window`] in eframe, and selects the renderer.
 
 use super::body::{Options, Window};
+use super::notices::Matter;
 use crate::asked;
 use crate::cli::{Renderer, WindowArgs};
 use crate::kept_layouts;
@@ -16,8 +17,8 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     let args = asked::sorted(args)?;
     args.check()?;
     let data_dir = data_dir();
-    let named = |spec| kept_layouts::named(spec, data_dir.as_deref());
-    let layout = args.layout.as_deref().map(named).transpose()?;
+    let named = |spec| kept_layouts::as_arranged(spec, data_dir.as_deref());
+    let (layout, problem) = args.layout.as_deref().map(named).transpose()?.unzip();
     let request = Request::of(&args);
     asked::check(&request)?;
     let options = Options { request, layout, data_dir };
@@ -48,6 +49,9 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
             ocu_ui::install(&creation.egui_ctx);
             ocu_views::prepare::start(&creation.egui_ctx)?;
             let mut window = Window::new(&creation.egui_ctx, options);
+            if let Some(problem) = problem.flatten() {
+                window.notices.error(Matter::Layout, problem);
+            }
             if adapters == Adapters::Software {
                 window.draws_in_software();
             }

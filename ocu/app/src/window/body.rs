@@ -225,7 +225,8 @@ impl Window {
         self.selection.sweep = self.sweeping.state(&self.current);
         self.selection.let_go_first = self.operating.is_blocked();
         self.selection.can_release = stop.can_be_released();
-        self.selection.hand = live.map(|frame| self.operating.take_keys(ui, frame)).unwrap_or_default();
+        let hand = live.map(|frame| self.operating.take_keys(ui, frame, &self.keymap));
+        self.selection.hand = hand.unwrap_or_default();
 
         let fill = tokens(ui).panel();
         let bar = egui::Frame::new().fill(fill).inner_margin(egui::Margin::symmetric(8, 4));
@@ -378,7 +379,7 @@ mod tests {
         let asked = StopState::Asked { active: true, late: false, waits: true };
         for (stop, is_told) in [
             (StopState::Stopped { has_speed: true }, true),
-            (StopState::Braking, true),
+            (StopState::Braking { late: false }, true),
             (StopState::Clear, false),
             (asked, false),
         ] {

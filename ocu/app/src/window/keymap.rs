@@ -14,6 +14,10 @@ use ocu_ui::typing;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+/// A key that comes down within this time after the window got the focus may have been held in another window before,
+/// s: a held key repeats after at most this time.
+const FOCUS_S: f64 = 0.7;
+
 /// The keys of all commands.
 #[derive(Debug, Default)]
 pub(super) struct Keymap {
@@ -24,6 +28,10 @@ pub(super) struct Keymap {
     is_unreadable: bool,
     /// The keys that are down, by their place on the keyboard.
     down: BTreeSet<Key>,
+    /// What the keys mean that were held before the window got the focus, and still are, by their place.
+    from_elsewhere: BTreeMap<Key, Key>,
+    /// When the window got the focus, in egui's time, s.
+    focused_s: Option<f64>,
 }
 
 impl Keymap {
@@ -111,25 +119,41 @@ impl Keymap {
     }
 
     /// Marks which presses of this pass are repeats of a key that is held, by its place on the keyboard. egui marks them by
-    /// what the key means: a question mark that is released without shift, as a slash, would stay down.
+    /// what the key means: a question mark that is released without shift, as a slash, would stay down. Also notes the
+    /// keys that are held while another window has the focus: they repeat in this one as soon as it has the focus.
     pub(super) fn mark_repeats(&mut self, ctx: &egui::Context) {
         ctx.input_mut(|input| {
+            let now_s = input.time;
             for event in &mut input.events {
                 match event {
                     Event::Key { key, physical_key, pressed, repeat, .. } => {
                         let place = physical_key.unwrap_or(*key);
                         if *pressed {
                             *repeat = !self.down.insert(place);
+                            let is_new = self.focused_s.is_some_and(|since_s| now_s - since_s < FOCUS_S);
+                            if is_new && !*repeat && *key != Key::Escape {
+                                self.from_elsewhere.insert(place, *key);
+                            }
                         } else {
                             self.down.remove(&place);
+                            self.from_elsewhere.remove(&place);
                         }
                     }
                     // What is released elsewhere is not told.
-                    Event::WindowFocused(false) => self.down.clear(),
+                    Event::WindowFocused(false) => {
+                        self.down.clear();
+                        self.from_elsewhere.clear();
+                    }
+                    Event::WindowFocused(true) => self.focused_s = Some(now_s),
                     _ => {}
                 }
             }
         });
+    }
+
+    /// Whether one of these keys was held before the window got the focus, and still is.
+    pub(super) fn is_from_elsewhere(&self, keys: &[Key]) -> bool {
+        self.from_elsewhere.values().any(|key| keys.contains(key))
     }
 
     /// The commands of the keys that were pressed in this pass; their events are consumed. `stops` says whether there
@@ -140,13 +164,18 @@ impl Keymap {
         let mut commands = Vec::new();
         ctx.input_mut(|input| {
             input.events.retain(|event| {
-                let Event::Key { key, pressed: true, modifiers, repeat, .. } = event else { return true };
+                let Event::Key { key, physical_key, pressed: true, modifiers, repeat } = event else {
+                    return true;
+                };
                 // The modifiers of this event are used: with slow passes they may have been released by now.
                 if *key == Key::Escape {
                     if stops {
                         commands.push(Command::EmergencyStop);
                     }
                     return !stops;
+                }
+                if self.from_elsewhere.contains_key(&physical_key.unwrap_or(*key)) {
+                    return true;
                 }
                 let found = COMMANDS.iter().find_map(|entry| {
                     let mut keys = self.keys(entry).iter().copied();
@@ -195,11 +224,21 @@ mod tests {
 
     /// The commands of a pass with one event.
     fn commands_of(ctx: &egui::Context, keymap: &mut Keymap, event: Event) -> Vec<Command> {
-        let input = egui::RawInput { events: vec![event], ..egui::RawInput::default() };
+        commands_at(ctx, keymap, event, None)
+    }
+
+    /// The commands of a pass with one event at this time, s, where a vehicle can be stopped if it has a time.
+    fn commands_at(
+        ctx: &egui::Context,
+        keymap: &mut Keymap,
+        event: Event,
+        time_s: Option<f64>,
+    ) -> Vec<Command> {
+        let input = egui::RawInput { events: vec![event], time: time_s, ..egui::RawInput::default() };
         let mut commands = Vec::new();
         let output = ctx.run_ui(input, |ui| {
             keymap.mark_repeats(ui.ctx());
-            commands.extend(keymap.pressed(ui.ctx(), false));
+            commands.extend(keymap.pressed(ui.ctx(), time_s.is_some()));
         });
         output.drop_without_applying_deltas();
         commands
@@ -275,6 +314,31 @@ mod tests {
             for _ in 0..2 {
                 assert_eq!(commands_of(&ctx, &mut keymap, event.clone()), [command], "{key:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_key_that_is_held_when_the_window_gets_the_focus_acts_only_after_it_was_let_go_and_escape_stops() {
+        let (ctx, mut keymap) = (egui::Context::default(), Keymap::default());
+        let modifiers = Modifiers::NONE;
+        let key = |key, pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+        for (event, time_s, commands) in [
+            (Event::WindowFocused(true), 10.0, vec![]),
+            (key(Key::Space, true), 10.3, vec![]),
+            (key(Key::ArrowRight, true), 10.4, vec![]),
+            (key(Key::Escape, true), 10.5, vec![Command::EmergencyStop]),
+            (key(Key::ArrowRight, true), 11.0, vec![]),
+            (key(Key::Space, true), 11.1, vec![]),
+            (key(Key::Space, false), 11.2, vec![]),
+            (key(Key::Space, true), 11.3, vec![Command::PlayPause]),
+            (Event::WindowFocused(false), 12.0, vec![]),
+            (Event::WindowFocused(true), 13.0, vec![]),
+            (key(Key::Space, true), 13.6, vec![]),
+            (key(Key::Space, false), 13.65, vec![]),
+            (key(Key::Space, true), 14.0, vec![Command::PlayPause]),
+        ] {
+            let found = commands_at(&ctx, &mut keymap, event.clone(), Some(time_s));
+            assert_eq!(found, commands, "{event:?} at {time_s} s");
         }
     }
 

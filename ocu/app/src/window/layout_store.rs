@@ -6,7 +6,7 @@ use crate::kept_layouts::{self, file_name, is_bundled};
 use crate::layout::Layout;
 use crate::say;
 use anyhow::Context as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
@@ -47,10 +47,24 @@ impl Writer {
 }
 
 fn write((path, layout): &(PathBuf, Layout), failed: &Sender<String>) {
-    if let Err(error) = layout.save(path) {
+    if let Err(error) = set_damaged_aside(path).and_then(|()| layout.save(path)) {
         // Nobody waits for it after the window has closed.
         let _ = failed.send(format!("the arrangement cannot be kept: {}", say(&error)));
     }
+}
+
+/// Keeps a file that cannot be read as a layout, with `.old` at the end of its name.
+fn set_damaged_aside(path: &Path) -> anyhow::Result<()> {
+    if !path.exists() || Layout::load(path).is_ok() {
+        return Ok(());
+    }
+    let failed = || format!("the damaged file cannot be set aside: {}", path.display());
+    std::fs::rename(path, aside(path)).with_context(failed)
+}
+
+/// Where a file is set aside.
+fn aside(path: &Path) -> PathBuf {
+    path.with_extension("ron.old")
 }
 
 impl LayoutStore {
@@ -72,7 +86,7 @@ impl LayoutStore {
     /// Deletes a layout of the user's. Its file is kept with `.old` at the end of its name, and that is returned.
     pub(super) fn delete(&mut self, name: &str) -> anyhow::Result<PathBuf> {
         let path = self.path(name).context("layouts are not kept")?;
-        let aside = path.with_extension("ron.old");
+        let aside = aside(&path);
         let failed = || format!("the layout cannot be deleted: {}", path.display());
         std::fs::rename(&path, &aside).with_context(failed)?;
         self.own.retain(|own| own != name);
@@ -160,6 +174,21 @@ mod tests {
         let store = LayoutStore::new(Some(dir.path().to_owned()));
         let loaded = store.load("world_model").unwrap();
         assert_eq!(loaded, Some(Layout { name: "world_model".to_owned(), ..written }));
+    }
+
+    #[test]
+    fn a_damaged_file_is_set_aside_before_its_layout_is_written() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("default.ron");
+        std::fs::write(&path, "Layout(version: 1, na").unwrap();
+        let mut store = LayoutStore::new(Some(dir.path().to_owned()));
+        for buffers in [true, false] {
+            let layout = Layout { name: "default".to_owned(), buffers, ..Layout::empty() };
+            store.keep(&layout);
+            store.finish();
+            assert_eq!(Layout::load(&path).unwrap(), layout);
+            assert_eq!(std::fs::read_to_string(aside(&path)).unwrap(), "Layout(version: 1, na");
+        }
     }
 
     #[test]

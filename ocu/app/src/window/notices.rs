@@ -24,6 +24,8 @@ pub(super) enum Matter {
     Run,
     /// Recording.
     Recording,
+    /// What the operator holds.
+    Held,
 }
 
 #[derive(Debug)]

@@ -1,6 +1,7 @@
 //! Manual driving and the emergency stop: converts keys and joystick to controls for the source.
 
 use super::joystick::Joystick;
+use super::keymap::Keymap;
 use egui::Key;
 use ocu_ui::{stale, typing};
 use ocu_views::Selection;
@@ -16,6 +17,8 @@ const RENEW: Duration = Duration::from_millis(100);
 const RESEND: Duration = Duration::from_millis(500);
 /// After this time, a missing confirmation is shown as an alarm.
 const LATE: Duration = Duration::from_secs(1);
+/// After this time of the run, a vehicle that obeys a stop and still rolls is shown as an alarm, s.
+const ROLLS_ON_S: f64 = 3.0;
 /// Slower than this, a vehicle stands, m/s.
 const STANDS_MPS: f64 = 0.05;
 /// The keys that drive.
@@ -30,7 +33,10 @@ pub(super) enum StopState {
     /// The vehicle may move.
     Clear,
     /// The vehicle reports that it obeys the stop, and still rolls.
-    Braking,
+    Braking {
+        /// Whether it has rolled on for too long.
+        late: bool,
+    },
     /// The vehicle reports that it obeys the stop, and does not report that it moves.
     Stopped {
         /// Whether it reports a speed, by which it stands.
@@ -50,7 +56,7 @@ pub(super) enum StopState {
 impl StopState {
     /// Whether the user can ask for its release.
     pub(super) fn can_be_released(self) -> bool {
-        matches!(self, StopState::Braking | StopState::Stopped { .. })
+        matches!(self, StopState::Braking { .. } | StopState::Stopped { .. })
     }
 }
 
@@ -129,20 +135,23 @@ pub(super) struct Operating {
     /// The command being held, and the deflection from which it was made.
     held: Option<([f64; 2], HeldControl)>,
     asked: Option<Asked>,
+    /// Since when the vehicle has rolled on although it reports that it obeys the stop.
+    braking_since: Option<Stamp>,
     joystick: Joystick,
     /// Whether the controls must be neutral before they drive: after a stop, a pause and a jump in time, and at the
     /// start.
     wait_for_neutral: bool,
     /// Whether a control was deflected in the last pass.
     pushed: bool,
-    /// Whether a drive key was typed, as a text or with a modifier, and not all of them have been let go since.
+    /// Whether a drive key was typed, as a text or with a modifier, or was down before the window got the focus, and
+    /// not all of them have been let go since.
     has_typed: bool,
 }
 
 impl Operating {
     /// Resets the state for another source.
     pub(super) fn forget(&mut self) {
-        (self.held, self.asked) = (None, None);
+        (self.held, self.asked, self.braking_since) = (None, None, None);
         (self.wait_for_neutral, self.pushed) = (true, false);
     }
 
@@ -157,15 +166,15 @@ impl Operating {
     }
 
     /// The deflection from keys and joystick.
-    pub(super) fn take_keys(&mut self, ui: &egui::Ui, frame: &Frame) -> Hand {
+    pub(super) fn take_keys(&mut self, ui: &egui::Ui, frame: &Frame, keymap: &Keymap) -> Hand {
         let inputs = Inputs::of(frame);
         if inputs.teleop.is_none() {
             return Hand::default();
         }
         self.joystick.start(ui.ctx());
-        let types = types(ui);
+        let types = types(ui) || keymap.is_from_elsewhere(&DRIVE_KEYS);
         let is_key_down = ui.input(|input| DRIVE_KEYS.iter().any(|&key| input.key_down(key)));
-        // A key that is still down when the text or the modifier is left must not start motion.
+        // A key that is still down when the text, the modifier or another window is left must not start motion.
         self.has_typed = is_key_down && (types || self.has_typed);
         let keys = if types || self.has_typed { Hand::default() } else { keys(ui) };
         keys.with(self.joystick.hand())
@@ -201,7 +210,8 @@ impl Operating {
                     if is_silent(frame, topic) {
                         StopState::Asked { active: true, late: true, waits: false }
                     } else if speed_mps >= STANDS_MPS {
-                        StopState::Braking
+                        let braked_s = self.braking_since.map_or(0.0, |since| frame.now.seconds_since(since));
+                        StopState::Braking { late: braked_s > ROLLS_ON_S }
                     } else {
                         StopState::Stopped { has_speed: !speed_mps.is_nan() }
                     }
@@ -227,6 +237,7 @@ impl Operating {
         // Releasing a stop, or letting time run, must not start motion because a control is still deflected; nor must
         // looking back, which would begin another run.
         let goes_elsewhere = controls.iter().any(Control::goes_elsewhere);
+        self.note_braking(frame, goes_elsewhere);
         self.wait_for_neutral = !may_drive || goes_elsewhere || (self.wait_for_neutral && self.pushed);
         let teleop = inputs.teleop.filter(|_| self.pushed && !self.wait_for_neutral);
         let Some(teleop) = teleop else {
@@ -243,6 +254,13 @@ impl Operating {
         self.held = Some((wanted, held.clone()));
         controls.push(Control::Hold(held));
         ui.ctx().request_repaint_after(RENEW);
+    }
+
+    /// Notes since when the vehicle has rolled on. After a jump in time, that begins again.
+    fn note_braking(&mut self, frame: &Frame, goes_elsewhere: bool) {
+        let is_braking = matches!(self.stop_state(frame), StopState::Braking { .. }) && !goes_elsewhere;
+        let known = self.braking_since.filter(|since| *since <= frame.now);
+        self.braking_since = is_braking.then(|| known.unwrap_or(frame.now));
     }
 
     /// Repeats a request until the vehicle confirms it.
@@ -386,10 +404,28 @@ mod tests {
         let state = |emergency_stopped, speed_mps| {
             Operating::default().stop_state(&reported(emergency_stopped, speed_mps, 0.0))
         };
-        assert_eq!(state(true, -0.89), StopState::Braking);
+        assert_eq!(state(true, -0.89), StopState::Braking { late: false });
         assert_eq!(state(true, 0.04), StopState::Stopped { has_speed: true });
         assert_eq!(state(true, f64::NAN), StopState::Stopped { has_speed: false });
         assert_eq!(state(false, 0.89), StopState::Clear);
+    }
+
+    #[test]
+    fn a_vehicle_that_rolls_on_for_three_seconds_of_the_run_although_it_obeys_a_stop_is_an_alarm() {
+        let mut operating = Operating::default();
+        let mut state = |speed_mps: f64, now_s: f64, goes_elsewhere: bool| {
+            let frame = reported(true, speed_mps, now_s);
+            operating.note_braking(&frame, goes_elsewhere);
+            operating.stop_state(&frame)
+        };
+        let braking = |late: bool| StopState::Braking { late };
+        assert_eq!(state(0.5, 10.0, false), braking(false));
+        assert_eq!(state(0.5, 12.9, false), braking(false));
+        assert_eq!(state(0.5, 13.1, false), braking(true));
+        assert_eq!(state(0.0, 14.0, false), StopState::Stopped { has_speed: true });
+        assert_eq!(state(0.5, 15.0, false), braking(false), "it begins to roll");
+        assert_eq!(state(0.5, 5.0, false), braking(false), "an earlier moment");
+        assert_eq!(state(0.5, 9.0, true), braking(false), "a jump in time");
     }
 
     #[test]

@@ -37,7 +37,7 @@ impl Window {
             pushed: self.operating.is_pushed(),
             known_until: frame.map(|frame| self.known_alarms.until(&frame.runs)).unwrap_or_default(),
             alarm_sound: &self.alarm_sound,
-            grows: self.follow.as_ref().is_some_and(Follow::is_growing),
+            growth: self.follow.as_ref().map(Follow::growth).unwrap_or_default(),
         };
         top_bar::ui(ui, &state)
     }

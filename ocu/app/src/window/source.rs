@@ -2,7 +2,7 @@
 
 use super::body::{Shown, Window};
 use super::bookmarks::Bookmarks;
-use super::follow::{Follow, is_unfinished};
+use super::follow::Follow;
 use super::known_alarms::KnownAlarms;
 use super::leaving::Leaving;
 use super::memory;
@@ -98,7 +98,6 @@ impl Window {
         let request = self.current.clone();
         let Some(driver) = self.drive(&request, source) else { return };
         let (playback, new) = (&old.playback, driver.frame());
-        self.follow = self.follow.take().filter(|_| is_unfinished(&new));
         driver.send(Control::Speed(playback.speed));
         driver.send(Control::Loop(playback.looping));
         driver.send(Control::Watch(self.watched.clone()));

@@ -59,14 +59,19 @@ impl Look {
                     (false, _, false) => "Sent; the vehicle has not said yet that it obeys. Press to stop.",
                 },
             },
-            StopState::Braking => Self {
-                word: "STOPPING…",
-                icon: icons::ICON_HOURGLASS_TOP,
+            StopState::Braking { late } => Self {
+                word: if late { "STILL MOVING" } else { "STOPPING…" },
+                icon: if late { icons::ICON_ERROR } else { icons::ICON_HOURGLASS_TOP },
                 fill: tokens.warning,
                 ink: tokens.on_warning,
                 edge: Stroke::NONE,
                 is_open: true,
-                help: "The vehicle says that it obeys, and still rolls. Press to send the stop again.",
+                help: if late {
+                    "The vehicle says that it obeys, and has moved on for more than 3 s: a value that is held may \
+                     replace its commands, or it does not obey. Press to stop again and to release what is held."
+                } else {
+                    "The vehicle says that it obeys, and still rolls. Press to send the stop again."
+                },
             },
             StopState::Stopped { has_speed } => Self {
                 word: "STOPPED",
@@ -154,11 +159,13 @@ mod tests {
     #[test]
     fn a_press_on_the_stop_counts_although_the_state_changes_before_the_release() {
         let late = StopState::Asked { active: true, late: true, waits: false };
+        let braking = StopState::Braking { late: false };
         for [first, then] in [
-            [StopState::Braking, late],
-            [late, StopState::Braking],
-            [StopState::Braking, StopState::Clear],
-            [StopState::Clear, StopState::Braking],
+            [braking, late],
+            [late, braking],
+            [braking, StopState::Clear],
+            [StopState::Clear, braking],
+            [braking, StopState::Braking { late: true }],
         ] {
             let (state, stops) = (Cell::new(first), Cell::new(0));
             let mut harness = Harness::builder()

@@ -3,6 +3,7 @@
 use crate::cli::{FaultArgs, SweepArgs, parse_values};
 use crate::open::{Request, SweptRun};
 use crate::say;
+use crate::stacks;
 use crate::sweep::{Prepared, Row};
 use crate::time::file_name_of;
 use ocu_views::{SweepRequest, SweepRow, SweepState};
@@ -24,6 +25,8 @@ const KEPT: (usize, u64) = (10, 1 << 30);
 pub(super) struct Sweeping {
     /// The last open source that a sweep can run.
     base: Option<Request>,
+    /// The title of `base`, with its course.
+    title: String,
     /// Whether parameters have been sent to its processes, which a sweep does not use.
     is_tuned: bool,
     /// Where recordings of the runs are kept.
@@ -33,7 +36,16 @@ pub(super) struct Sweeping {
     shown: Arc<SweepState>,
 }
 
+/// What a sweep runs.
+#[derive(Clone, Default)]
+struct Swept {
+    base: Request,
+    /// In words, for the view.
+    what: String,
+}
+
 struct Running {
+    asked: Swept,
     shared: Arc<Mutex<Shared>>,
     cancelled: Arc<AtomicBool>,
 }
@@ -42,8 +54,10 @@ struct Running {
 struct Shared {
     rows: BTreeMap<usize, Row>,
     total: usize,
+    /// What the rows are of.
+    of: Swept,
     problem: Option<String>,
-    /// Whether it can run; until then, rows and total are those of the sweep before.
+    /// Whether it can run; until then, rows, total and what they are of are those of the sweep before.
     is_checked: bool,
     is_over: bool,
 }
@@ -65,23 +79,27 @@ impl Sweeping {
     pub(super) fn state(&mut self, current: &Request) -> Arc<SweepState> {
         if current.stack.is_some() && self.base.as_ref() != Some(current) {
             self.base = Some(current.clone());
+            self.title = title_of(current);
         }
-        let what = self.base.as_ref().map(|base| what(base, self.is_tuned)).unwrap_or_default();
+        let what = self.what();
         let state = match &self.running {
             None => SweepState { what, ..SweepState::default() },
             Some(running) => {
                 let shared = lock(&running.shared);
                 let total = if shared.is_checked || shared.is_over { shared.total } else { 0 };
+                let ran = if shared.is_over { &shared.of.what } else { &running.asked.what };
                 let is_known = self.shown.rows.len() == shared.rows.len()
                     && self.shown.total == total
                     && self.shown.is_running != shared.is_over
                     && self.shown.problem == shared.problem
-                    && self.shown.what == what;
+                    && self.shown.what == what
+                    && self.shown.ran == *ran;
                 if is_known {
                     return Arc::clone(&self.shown);
                 }
                 SweepState {
                     what,
+                    ran: ran.clone(),
                     rows: shared.rows.values().map(row).collect(),
                     total,
                     is_running: !shared.is_over,
@@ -100,14 +118,18 @@ impl Sweeping {
         let Some(base) = self.base.clone() else { return };
         let table_of = |old: Running| {
             let mut shared = lock(&old.shared);
-            (std::mem::take(&mut shared.rows), shared.total)
+            (std::mem::take(&mut shared.rows), shared.total, std::mem::take(&mut shared.of))
         };
-        let (rows, total) = self.running.take().map(table_of).unwrap_or_default();
-        let shared = Arc::new(Mutex::new(Shared { rows, total, ..Shared::default() }));
+        let (rows, total, of) = self.running.take().map(table_of).unwrap_or_default();
+        let shared = Arc::new(Mutex::new(Shared { rows, total, of, ..Shared::default() }));
         let cancelled: Arc<AtomicBool> = Arc::default();
-        let running = Running { shared: Arc::clone(&shared), cancelled: Arc::clone(&cancelled) };
-        self.running = Some(running);
         let args = args_of(&base, request, self.folder.as_deref().map(new_folder));
+        let asked = Swept { base, what: self.what() };
+        self.running = Some(Running {
+            asked: asked.clone(),
+            shared: Arc::clone(&shared),
+            cancelled: Arc::clone(&cancelled),
+        });
         let (ctx, folder) = (ctx.clone(), self.folder.clone());
         let spawned = thread::Builder::new().name("sweep".to_owned()).spawn({
             let shared = Arc::clone(&shared);
@@ -116,7 +138,7 @@ impl Sweeping {
                 if let Some(Err(error)) = folder.map(|folder| make_room(&folder, KEPT)) {
                     tracing::warn!("recordings of earlier sweeps cannot be removed: {error}");
                 }
-                let run = || args.and_then(|args| run(&args, &shared, &cancelled, &ctx));
+                let run = || args.and_then(|args| run(&args, asked, &shared, &cancelled, &ctx));
                 let ran = guarded(run).unwrap_or_else(|said| Err(anyhow::anyhow!("a run failed: {said}")));
                 let mut shared = lock(&shared);
                 shared.is_over = true;
@@ -134,9 +156,24 @@ impl Sweeping {
 
     /// A run of the sweep, with the log that its stack reads.
     pub(super) fn swept(&self, title: String) -> SweptRun {
-        let (log, parts) =
-            self.base.as_ref().map(|base| (base.log.clone(), base.parts.clone())).unwrap_or_default();
-        SweptRun { title, log, parts }
+        let base = match &self.running {
+            Some(running) => lock(&running.shared).of.base.clone(),
+            None => self.base.clone().unwrap_or_default(),
+        };
+        SweptRun { title, log: base.log, parts: base.parts }
+    }
+
+    /// What a sweep would run now; empty where nothing can be swept.
+    fn what(&self) -> String {
+        let Some(base) = &self.base else { return String::new() };
+        let mut what = self.title.clone();
+        if base.remembered.is_some() {
+            what.push_str(", without what earlier runs remember");
+        }
+        if self.is_tuned {
+            what.push_str(", with the parameters of the stack file");
+        }
+        what
     }
 
     /// Ends the sweep that runs; the runs that ended stay.
@@ -153,16 +190,11 @@ impl Drop for Running {
     }
 }
 
-/// What a sweep runs.
-fn what(base: &Request, is_tuned: bool) -> String {
-    let mut what = base.title();
-    if base.remembered.is_some() {
-        what.push_str(", without what earlier runs remember");
-    }
-    if is_tuned {
-        what.push_str(", with the parameters of the stack file");
-    }
-    what
+/// The title of a source, with the course of the stack file where none was chosen.
+fn title_of(base: &Request) -> String {
+    let stack = base.stack.as_deref().filter(|_| base.course.is_none());
+    let own = stack.and_then(|stack| stacks::named(stack).ok()?.course().map(str::to_owned));
+    Request { course: own.or_else(|| base.course.clone()), ..base.clone() }.title()
 }
 
 /// Whether parameters have been sent to a process: a run begins with one message of each.
@@ -232,12 +264,13 @@ fn make_room(folder: &Path, (most, most_bytes): (usize, u64)) -> std::io::Result
 
 fn run(
     args: &SweepArgs,
+    of: Swept,
     shared: &Mutex<Shared>,
     cancelled: &AtomicBool,
     ctx: &egui::Context,
 ) -> anyhow::Result<()> {
     let prepared = Prepared::new(args)?;
-    let checked = Shared { total: prepared.len(), is_checked: true, ..Shared::default() };
+    let checked = Shared { total: prepared.len(), of, is_checked: true, ..Shared::default() };
     *lock(shared) = checked;
     ctx.request_repaint();
     // The window and the stack that it runs keep a core. The threads inherit the low priority of this one.
@@ -361,6 +394,24 @@ mod tests {
         let next = base().remembering(crate::remembered::Remembered::default(), Some(1));
         let what = "truth_driver on meadow, without what earlier runs remember";
         assert_eq!(sweeping.state(&next).what, what);
+    }
+
+    #[test]
+    fn the_runs_of_a_sweep_are_of_the_course_that_was_open_when_it_began() {
+        let mut sweeping = Sweeping::new(None);
+        sweeping.state(&base());
+        let request = SweepRequest { runs: 1, until_s: Some(0.2), ..SweepRequest::default() };
+        sweeping.start(&egui::Context::default(), &request);
+        let other = Request { course: Some("hill".to_owned()), ..base() };
+        for is_running in [true, false] {
+            if !is_running {
+                wait(&mut sweeping, |state| !state.is_running);
+            }
+            let state = sweeping.state(&other);
+            let told = (state.what.as_str(), state.ran.as_str());
+            assert_eq!(told, ("truth_driver on hill", "truth_driver on meadow"));
+        }
+        assert_eq!(sweeping.state(&Request { course: None, ..base() }).what, "truth_driver on meadow");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The bar at the top of the window: the open source, its state, and actions.
 
 use super::commands::Command;
+use super::follow::Growth;
 use super::held;
 use super::operate::StopState;
 use super::recording;
@@ -50,10 +51,18 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
         bar.left("runs", Fit::Leaves(80), |ui, form, actions| runs_menu(ui, form, frame, actions));
     }
     bar.left("kind", Fit::Leaves(75), |ui, _, _| drop(widgets::tag(ui, kind(frame), tokens(ui).accent)));
-    if state.grows {
+    if state.growth != Growth::None {
         bar.left("grows", Fit::Leaves(74), |ui, _, _| {
-            let help = "The recording is still being written. At its end, the view follows it.";
-            widgets::tag(ui, "GROWING", tokens(ui).ok).on_hover_text(help);
+            let grows = state.growth == Growth::Grows;
+            let (word, color) =
+                if grows { ("GROWING", tokens(ui).ok) } else { ("NO NEW DATA", tokens(ui).warning) };
+            let help = if grows {
+                "The recording is still being written. At its end, the view follows it."
+            } else {
+                "The recording has no end, and has not grown for more than 10 s: what its end shows may be old. The \
+                 view goes on when it grows again."
+            };
+            widgets::tag(ui, word, color).on_hover_text(help);
         });
     }
     if !frame.info.problems.is_empty() {

@@ -3,6 +3,7 @@
 use super::alarm_sound::AlarmSound;
 use super::commands::Command;
 use super::document::Document;
+use super::follow::Growth;
 use super::keymap::Keymap;
 use super::layout_store::LayoutStore;
 use super::operate::StopState;
@@ -31,7 +32,7 @@ pub(super) struct State<'a> {
     pub(super) known_until: rcs_msg::Stamp,
     pub(super) alarm_sound: &'a AlarmSound,
     /// Whether the recording is still being written.
-    pub(super) grows: bool,
+    pub(super) growth: Growth,
 }
 
 /// An action requested by the user.

@@ -56,6 +56,8 @@ pub(crate) struct Fields {
     last: Option<TopicKey>,
     /// Path of the field whose editing began here in the last pass.
     fresh: Option<String>,
+    /// Height of what is edited, as it was painted last.
+    edit_height: f32,
     origin: Origin,
     flashes: Flashes,
 }
@@ -140,9 +142,6 @@ impl Fields {
         let edited = (key.clone(), run_beside(cx.frame));
         let mut draft = cx.selection.drafts.fields.remove(&edited).unwrap_or_default();
         let fresh = self.fresh.take();
-        if !draft.is_empty() {
-            draft.ui(ui, cx, topic, fresh.as_deref());
-        }
         // What is found and what is painted belongs to this view and topic.
         let slot = ui.scope_id().with((&*topic.name, topic.run));
         let mut area = ui.available_rect_before_wrap();
@@ -153,6 +152,20 @@ impl Fields {
             child.set_clip_rect(below.intersect(ui.clip_rect()));
             if !array::ui(&mut child, slot, decoded, shown) {
                 self.saved.array = None;
+            }
+            area = above;
+        }
+        if !draft.is_empty() {
+            // Below the fields, none of which may move between two clicks.
+            let top = (area.bottom() - self.edit_height).max(area.top());
+            let (above, below) = area.split_top_bottom_at_y(top);
+            let mut child = ui.new_child(egui::UiBuilder::new().max_rect(below).id_salt("edit"));
+            draft.ui(&mut child, cx, topic, fresh.as_deref());
+            let height = child.min_rect().height();
+            if height != self.edit_height {
+                self.edit_height = height;
+                ui.ctx().request_discard("what is edited has another height");
+                ui.ctx().request_repaint();
             }
             area = above;
         }

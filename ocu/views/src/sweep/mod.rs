@@ -8,7 +8,7 @@ mod table;
 
 use crate::tuning::in_force;
 use crate::view::{SavedState, View, ViewContext, Wish};
-use egui::{Button, ComboBox, DragValue, RichText, Role, TextEdit, Ui, WidgetInfo};
+use egui::{Align, Button, ComboBox, DragValue, Layout, RichText, Role, TextEdit, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
 use rcs_msg::{Value, rcs};
@@ -19,6 +19,8 @@ pub use state::{SweepRequest, SweepRow, SweepState};
 
 /// Most seeds of a sweep in the window.
 const MOST_SEEDS: u32 = 1000;
+/// Room of the word *Fault* with its field: they are in one line.
+const FAULT: Vec2 = Vec2::new(180.0, 20.0);
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -129,11 +131,14 @@ impl Sweep {
             let until = ui.add(until);
             named(ui, &until, "When a run is stopped");
             until.on_hover_text("0: when the course is decided, or the recording ends");
-            ui.label(RichText::new("Fault").small().color(tokens(ui).weak));
-            let fault = TextEdit::singleline(&mut saved.fault).hint_text("none").desired_width(140.0);
-            let fault = ui.add(fault.font(egui::TextStyle::Monospace));
-            named(ui, &fault, "Fault on demand in every run");
-            fault.on_hover_text("Like wm1:frozen@10..12; ocu run --help lists the kinds");
+            // In one line with its field.
+            ui.allocate_ui_with_layout(FAULT, Layout::left_to_right(Align::Center), |ui| {
+                ui.label(RichText::new("Fault").small().color(tokens(ui).weak));
+                let fault = TextEdit::singleline(&mut saved.fault).hint_text("none").desired_width(140.0);
+                let fault = ui.add(fault.font(egui::TextStyle::Monospace));
+                named(ui, &fault, "Fault on demand in every run");
+                fault.on_hover_text("Like wm1:frozen@10..12; ocu run --help lists the kinds");
+            });
         });
         ui.horizontal(|ui| {
             if state.is_running {
@@ -146,8 +151,9 @@ impl Sweep {
                     (_, 0) => (0.0, "checking".to_owned()),
                     (ended, total) => (ended as f32 / total as f32, format!("{ended} of {total} runs")),
                 };
-                let width = (ui.available_width() - 4.0).clamp(80.0, 320.0);
+                let width = (ui.available_width() * 0.5).clamp(80.0, 320.0);
                 ui.add(egui::ProgressBar::new(part).desired_width(width).text(text));
+                line(ui, &state.ran);
             } else {
                 let start = Button::new(format!("{}  Run", icons::ICON_PLAY_ARROW.codepoint));
                 let start = widgets::named(ui, "run", |ui| ui.add_enabled(!state.what.is_empty(), start));
@@ -155,21 +161,28 @@ impl Sweep {
                 if start.on_hover_text(help).clicked() {
                     cx.wishes.push(Wish::Sweep(saved.request()));
                 }
-                ui.add(egui::Label::new(RichText::new(said(state)).color(tokens(ui).weak)).truncate());
+                line(ui, &state.what);
             }
         });
+        if !state.is_running && !state.rows.is_empty() {
+            line(ui, &said(state));
+        }
     }
 }
 
-/// What is run, or what became of it, in a line.
+fn line(ui: &mut Ui, text: &str) {
+    ui.add(egui::Label::new(RichText::new(text).color(tokens(ui).weak)).truncate());
+}
+
+/// What became of the runs, in a line.
 fn said(state: &SweepState) -> String {
     let judged = state.rows.iter().filter_map(|row| row.reached).count();
     let reached = state.rows.iter().filter(|row| row.reached == Some(true)).count();
     let rows = state.rows.len();
-    let text = match (rows, judged) {
-        (0, _) => state.what.clone(),
-        (_, 0) => format!("{rows} runs of {}", state.what),
-        _ => format!("{reached} of {rows} runs of {} reached the goal", state.what),
+    let text = if judged == 0 {
+        format!("{rows} runs of {}", state.ran)
+    } else {
+        format!("{reached} of {rows} runs of {} reached the goal", state.ran)
     };
     if rows < state.total { format!("{text}; cancelled after {rows} of {}", state.total) } else { text }
 }

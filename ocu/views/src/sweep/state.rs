@@ -41,8 +41,10 @@ pub struct SweepRow {
 /// The state of a sweep.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SweepState {
-    /// What is run, for its title; empty if nothing that is open can be.
+    /// What would be run now; empty if nothing that is open can be.
     pub what: String,
+    /// What runs, or ran: what the rows are of, once the sweep has been checked.
+    pub ran: String,
     /// The runs that ended, in the order of the request; those of the sweep before until this one has been checked.
     pub rows: Vec<SweepRow>,
     /// Number of all runs; 0 until the sweep has been checked.

@@ -20,6 +20,19 @@ fn a_formula_is_shown_whole_in_a_narrow_view() {
     assert!(is_whole(&harness, formula));
 }
 
+#[test]
+fn in_a_narrow_view_the_button_that_removes_a_condition_is_in_one_line_with_it() {
+    let mut shown = Shown::new("conditions", samples::full());
+    let condition = serde_json::json!({ "formula": "/a.b > 0", "stops": true });
+    shown.view.load(&serde_json::json!({ "conditions": [condition] })).unwrap();
+    let mut harness = harness(shown, Vec2::new(200.0, 300.0), Theme::Dark);
+    harness.run();
+    let (remove, formula) =
+        (harness.get_by_label("Remove /a.b > 0").rect(), harness.get_by_label("/a.b > 0").rect());
+    let lower_by = remove.center().y - formula.center().y;
+    assert!(lower_by.abs() < 1.5, "{remove:?} {formula:?}");
+}
+
 /// Whether a text is painted, nothing of it is cut off, and it lies within what is seen.
 fn is_whole(harness: &Harness<'_, Shown>, whole: &str) -> bool {
     harness.output().shapes.iter().any(|clipped| match &clipped.shape {

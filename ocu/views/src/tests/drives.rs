@@ -7,7 +7,7 @@ use egui::{Shape, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use rcs_msg::foxglove::{Odometry, Pose, Vector3};
-use rcs_msg::rcs::{EmergencyStop, Mission, PlanePoint, VehicleStatus};
+use rcs_msg::rcs::{CourseOutcome, CourseRun, EmergencyStop, Mission, PlanePoint, VehicleStatus};
 use rcs_runtime::source::{Frame, Topic};
 use std::sync::Arc;
 
@@ -97,6 +97,27 @@ fn with_role(mut topic: Topic, role: &str) -> Topic {
 fn is_painted(harness: &Harness<'static, Shown>, content: &str) -> bool {
     let is_it = |shape: &Shape| matches!(shape, Shape::Text(text) if text.galley.text() == content);
     harness.output().shapes.iter().any(|painted| is_it(&painted.shape))
+}
+
+#[test]
+fn a_stack_that_drives_on_after_the_goal_is_reached_still_looks_for_it() {
+    let reached = |wanted_speed_mps: f64| {
+        let run = CourseRun { outcome: CourseOutcome::CourseReached.into(), ..CourseRun::default() };
+        let status = VehicleStatus { wanted_speed_mps, ..VehicleStatus::default() };
+        let vehicle = samples::topic("/vehicle_interface/vehicle", 50.0, 0.02, status);
+        let mut frame = driving_with(samples::topic("/vehicle/run", 5.0, 0.1, run));
+        let mut topics = frame.topics.to_vec();
+        topics.retain(|topic| topic.name != vehicle.name && &*topic.name != "/generator/driven");
+        topics.push(vehicle);
+        frame.topics = topics.into();
+        drive(frame)
+    };
+    for (wanted_speed_mps, is_told) in [(0.5, true), (0.0, false)] {
+        let harness = reached(wanted_speed_mps);
+        assert!(harness.query_by_label("GOAL REACHED").is_some());
+        let told = harness.query_by_label_contains("The stack still looks for it").is_some();
+        assert_eq!(told, is_told, "{wanted_speed_mps} m/s");
+    }
 }
 
 #[test]

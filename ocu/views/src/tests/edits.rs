@@ -57,6 +57,20 @@ fn changes_that_were_not_written_are_shown_with_their_buffer_only_and_come_back_
 }
 
 #[test]
+fn no_field_moves_where_one_is_edited_and_while_it_can_be_taken_back() {
+    let mut harness = fields(samples::full(), TopicKey::shown("/planner/status"));
+    let place = |harness: &Harness<'_, Shown>| harness.get_by_label("cycle 321").rect().left_top();
+    let before = place(&harness);
+    choose(&mut harness, "cycle 321", "Edit…");
+    assert_eq!(place(&harness), before, "it is edited");
+    let edit = harness.get_by_label("New value of .cycle").rect();
+    assert!(before.y < edit.top() && edit.bottom() < 560.0, "{edit:?}");
+    harness.get_by_label("Write now").click();
+    harness.run();
+    assert_eq!(place(&harness), before, "it was written");
+}
+
+#[test]
 fn a_value_that_was_refused_is_told_until_its_text_changes() {
     let mut harness = fields(samples::full(), TopicKey::shown("/planner/status"));
     choose(&mut harness, "cycle 321", "Edit…");

@@ -19,6 +19,7 @@ mod read_outs;
 mod saved;
 mod scenes;
 mod sweeps;
+mod topic_lists;
 mod tracks;
 mod tunes;
 mod weighs;

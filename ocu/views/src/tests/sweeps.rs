@@ -26,6 +26,7 @@ fn running() -> SweepState {
         .map(|index| row(index, index != 2 && index != 5, if index == 5 { "wm1: no pose" } else { "" }));
     SweepState {
         what: "lagr on dead_end".to_owned(),
+        ran: "lagr on dead_end".to_owned(),
         rows: rows.collect(),
         total: 9,
         is_running: true,
@@ -86,6 +87,28 @@ fn a_sweep_that_was_cancelled_says_after_how_many_of_its_runs() {
     };
     assert!(said(running()));
     assert!(!said(SweepState { total: 7, ..running() }));
+}
+
+#[test]
+fn the_runs_of_a_sweep_are_named_after_what_ran_and_run_after_what_is_open_now() {
+    let state = SweepState { what: "lagr on hill".to_owned(), ..running() };
+    let harness = shown(state.clone(), Vec2::new(760.0, 300.0), Theme::Dark);
+    assert!(harness.query_by_label("lagr on dead_end").is_some(), "beside the progress");
+    let ended = SweepState { is_running: false, total: 7, ..state };
+    let harness = shown(ended, Vec2::new(760.0, 300.0), Theme::Dark);
+    assert!(harness.query_by_label("lagr on hill").is_some(), "beside Run");
+    assert!(harness.query_by_label("5 of 7 runs of lagr on dead_end reached the goal").is_some());
+}
+
+#[test]
+fn the_field_of_a_fault_stays_in_one_line_with_its_name() {
+    for width in (200..520_u16).step_by(40) {
+        let harness = shown(running(), Vec2::new(f32::from(width), 320.0), Theme::Dark);
+        let name = harness.get_by_label("Fault").rect();
+        let field = harness.get_by_label("Fault on demand in every run").rect();
+        let is_beside = name.y_range().contains(field.center().y) && name.right() < field.left();
+        assert!(is_beside, "{width}: {name:?} {field:?}");
+    }
 }
 
 #[test]

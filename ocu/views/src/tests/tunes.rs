@@ -518,3 +518,19 @@ fn a_preview_stays_while_its_view_exists_until_that_view_ends_it() {
     drop(a);
     assert!(previews.turn() && previews.get().is_none(), "its view was closed");
 }
+
+#[test]
+fn nothing_moves_where_parameters_are_kept_and_the_button_that_forgets_them_is_in_their_line() {
+    let mut harness = shown("tuning", &serde_json::json!({}), 1.0);
+    let places = |harness: &Harness<'_, Shown>| {
+        let kept = ["Parameters A", "Parameters B"].map(|name| harness.get_by_label(name).rect());
+        (kept, harness.get_by_label_contains("Save…").rect())
+    };
+    let before = places(&harness);
+    harness.get_by_label("Parameters A").click();
+    harness.run();
+    assert_eq!(places(&harness), before);
+    let (of_forget, [of_a, _]) = (harness.get_by_label("Forget A and B").rect(), before.0);
+    let lower_by = of_forget.center().y - of_a.center().y;
+    assert!(lower_by.abs() < 1.0, "{lower_by}");
+}

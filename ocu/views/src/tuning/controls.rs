@@ -196,7 +196,7 @@ fn name_cell(ui: &mut Ui, row: &Row<'_>, texts: &Texts, width: f32) {
     let ink = if is_changed { tokens.strong } else { tokens.text };
     let font = egui::TextStyle::Body.resolve(ui.style());
     if let Some(counting) = &texts.counting {
-        let text = format!("{name} ({counting} counts)");
+        let text = format!("{name} (in force: {counting})");
         widgets::cell(ui, rect, Align::Min, &text, font, ink);
         response.widget_info(|| WidgetInfo::labeled(Role::Label, true, &text));
     } else {
@@ -449,8 +449,8 @@ mod tests {
     #[test]
     fn a_weight_that_counts_instead_of_that_of_the_parameters_is_shown_beside_its_name() {
         let harness = rows();
-        let told: Vec<_> = harness.query_all_by_label_contains("counts").collect();
+        let told: Vec<_> = harness.query_all_by_label_contains("in force:").collect();
         assert_eq!(told.len(), 1);
-        assert!(harness.query_by_label("weight (0.25 counts)").is_some());
+        assert!(harness.query_by_label("weight (in force: 0.25)").is_some());
     }
 }

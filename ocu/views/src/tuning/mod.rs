@@ -13,7 +13,7 @@ use crate::view::{Preview, PreviewStage, SavedState, View, ViewContext, Wish, ru
 use controls::Row;
 use draft::Draft;
 pub(crate) use draft::is_equal;
-use egui::{Align, Layout, RichText, Role, ScrollArea, Ui, UiBuilder, Vec2, WidgetInfo};
+use egui::{Align, Layout, RichText, Role, ScrollArea, Sense, Ui, UiBuilder, Vec2, WidgetInfo};
 use fused::Counting;
 use ocu_ui::bar::{self, Bar, Choice, Fit};
 use ocu_ui::{icons, tokens, widgets};
@@ -283,8 +283,8 @@ fn write(
     cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
 }
 
-/// Size of the buttons A and B with the gap between them: they are in one line.
-const KEPT_SETS: Vec2 = Vec2::new(60.0, 20.0);
+/// Size of the buttons A and B and of the one that forgets them, with the gaps between them: they are in one line.
+const KEPT_SETS: Vec2 = Vec2::new(88.0, 20.0);
 
 /// Send, take back, A and B, save.
 fn actions(
@@ -338,12 +338,16 @@ fn actions(
             for (slot, name) in ["A", "B"].into_iter().enumerate() {
                 kept_set(ui, cx, info, draft, in_force, (slot, name));
             }
+            // The place of the button is there without it, too, and is no higher than the line.
+            let (place, _) = ui.allocate_exact_size(Vec2::splat(20.0), Sense::hover());
+            let centered = Layout::left_to_right(Align::Center);
+            let place = UiBuilder::new().max_rect(place.expand2(Vec2::new(0.0, 4.0))).layout(centered);
+            let mut place = ui.new_child(place);
+            let any = (0..2).any(|slot| draft.kept(slot).is_some());
+            if any && widgets::icon_button(&mut place, icons::ICON_CLOSE, "Forget A and B").clicked() {
+                draft.forget_kept();
+            }
         });
-        let any = (0..2).any(|slot| draft.kept(slot).is_some());
-        if any && widgets::icon_button(ui, icons::ICON_CLOSE, "Forget A and B").clicked() {
-            draft.forget_kept();
-        }
-        ui.separator();
         let button = egui::Button::new(format!("{}  Save…", icons::ICON_SAVE.codepoint));
         let why = "The recording does not say which stack ran, so there is no file to write to.";
         let save = ui.add_enabled(has_stack(cx.frame, info), button).on_disabled_hover_text(why);
